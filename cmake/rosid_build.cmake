@@ -1,0 +1,84 @@
+# Compiler settings and the helpers every folder uses to declare its targets.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  # Precompiled headers need the sloppiness; see the ccache manual, "Precompiled headers".
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
+endif()
+
+add_library(rosid_flags INTERFACE)
+target_include_directories(rosid_flags INTERFACE ${PROJECT_SOURCE_DIR})
+target_compile_options(rosid_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wdouble-promotion -Wold-style-cast -Wcast-align
+  -Wimplicit-fallthrough -Wformat=2 -Wnon-virtual-dtor -Woverloaded-virtual -Wvla -Wundef
+  $<$<CXX_COMPILER_ID:GNU>:-Wduplicated-cond;-Wlogical-op;-Wno-maybe-uninitialized;-fpch-preprocess>
+  # Bit-exact results: no contraction of a*b+c that would depend on the target.
+  -ffp-contract=off -fno-math-errno
+  # -fPIE everywhere, libraries too: all targets then share one precompiled header.
+  -fPIE -fstack-protector-strong)
+target_link_options(rosid_flags INTERFACE -pie -Wl,-z,relro,-z,now)
+if(ROSID_WARNINGS_AS_ERRORS)
+  target_compile_options(rosid_flags INTERFACE -Werror)
+endif()
+if(ROSID_SANITIZE STREQUAL "address")
+  target_compile_options(rosid_flags INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  target_link_options(rosid_flags INTERFACE -fsanitize=address,undefined)
+elseif(ROSID_SANITIZE STREQUAL "thread")
+  target_compile_options(rosid_flags INTERFACE -fsanitize=thread -fno-omit-frame-pointer)
+  target_link_options(rosid_flags INTERFACE -fsanitize=thread)
+elseif(ROSID_SANITIZE)
+  message(FATAL_ERROR "ROSID_SANITIZE is '${ROSID_SANITIZE}': use address, thread or nothing")
+endif()
+
+if(ROSID_PCH)
+  file(WRITE ${CMAKE_BINARY_DIR}/rosid_pch.cpp "")
+  add_library(rosid_pch OBJECT ${CMAKE_BINARY_DIR}/rosid_pch.cpp)
+  target_link_libraries(rosid_pch PRIVATE rosid_flags Eigen3::Eigen)
+  target_precompile_headers(rosid_pch PRIVATE <Eigen/Dense> <algorithm> <array> <chrono> <cmath> <cstdint> <functional>
+    <memory> <optional> <span> <string> <vector>)
+endif()
+
+function(_rosid_precompile target)
+  if(ROSID_PCH)
+    target_link_libraries(${target} PRIVATE Eigen3::Eigen)
+    target_precompile_headers(${target} REUSE_FROM rosid_pch)
+  endif()
+endfunction()
+
+# rosid_add_library(NAME SOURCES ... [DEPENDS ...] [PRIVATE_DEPENDS ...]): static library rosid_NAME, alias rosid::NAME.
+function(rosid_add_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  add_library(rosid_${name} STATIC ${ARG_SOURCES})
+  add_library(rosid::${name} ALIAS rosid_${name})
+  target_link_libraries(rosid_${name} PUBLIC rosid_flags ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS})
+  _rosid_precompile(rosid_${name})
+endfunction()
+
+# rosid_add_executable(NAME SOURCES ... DEPENDS ...)
+function(rosid_add_executable name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE rosid_flags ${ARG_DEPENDS})
+  _rosid_precompile(${name})
+endfunction()
+
+# rosid_add_test(NAME SOURCES ... DEPENDS ... [LABEL unit]): one GoogleTest program, registered as one ctest.
+function(rosid_add_test name)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  if(NOT ARG_LABEL)
+    set(ARG_LABEL unit)
+  endif()
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE rosid_flags ${ARG_DEPENDS} GTest::gtest_main GTest::gmock)
+  _rosid_precompile(${name})
+  add_test(NAME ${name} COMMAND ${name})
+  set_tests_properties(${name} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT})
+endfunction()

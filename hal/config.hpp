@@ -1,0 +1,65 @@
+#pragma once
+// Settings of the devices. SI units; every member has a default that works.
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace rosid::hal {
+
+enum class LaserMode : std::uint8_t {
+  Partial,   ///< 0x2A: one telegram for each mirror turn, the mode for a spinning scanner
+  Complete,  ///< 0x24: complete scans of the variant
+};
+
+struct LaserConfig {
+  bool enabled = true;
+  std::string device = "/dev/rosid-laser";
+  int baud = 500000;  ///< 9600, 19200, 38400 or 500000
+  LaserMode mode = LaserMode::Partial;
+  int opening_deg = 180;        ///< variant for Complete: 100 or 180
+  double resolution_deg = 1.0;  ///< variant for Complete: 1, 0.5 or 0.25 (0.25 only with 100)
+  double silence_limit_s = 0.5;
+};
+
+enum class CanLink : std::uint8_t { Slcan, SocketCan };
+
+struct CanConfig {
+  bool enabled = true;
+  CanLink link = CanLink::SocketCan;
+  std::string device = "can0";  ///< interface name, or the tty of an slcan adapter
+  int bitrate = 250000;         ///< told to an slcan adapter; a SocketCAN interface is set up by the system
+};
+
+/// One CiA 406 encoder.
+struct EncoderConfig {
+  bool enabled = true;
+  int node_id = 1;
+  double counts_per_turn = 0.0;  ///< turret only: counts of one turret revolution
+  bool reversed = false;
+  double silence_limit_s = 0.3;
+};
+
+/// One CiA 410 inclinometer.
+struct TiltConfig {
+  bool enabled = true;
+  int node_id = 10;
+  bool swap_axes = false;
+  std::array<bool, 2> reversed{false, false};  ///< longitudinal, lateral
+  double silence_limit_s = 0.5;
+};
+
+struct HalConfig {
+  LaserConfig laser;
+  CanConfig can;
+  EncoderConfig wheel_left{.node_id = 1};
+  EncoderConfig wheel_right{.node_id = 2};
+  EncoderConfig turret{.node_id = 3, .counts_per_turn = 36000.0};
+  TiltConfig tilt;
+};
+
+/// Every rule the values break, one sentence each, named by key; empty when usable.
+std::vector<std::string> validate(const HalConfig& config);
+
+}  // namespace rosid::hal
