@@ -1,0 +1,99 @@
+#include "hal/config.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <utility>
+
+namespace rosid::hal {
+
+namespace {
+
+using Problems = std::vector<std::string>;
+
+void check_silence_limit(Problems& problems, const std::string& key, double limit_s) {
+  // Not "limit_s < 0.05": that would let NaN pass.
+  if (!(limit_s >= 0.05 && limit_s <= 60.0)) {
+    problems.push_back(key + ".silence_limit_s must lie between 0.05 and 60 seconds");
+  }
+}
+
+void check_node_id(Problems& problems, const std::string& key, int node_id) {
+  if (node_id < 1 || node_id > 127) { problems.push_back(key + ".node_id must be a CANopen node number, 1 to 127"); }
+}
+
+void check_laser(Problems& problems, const LaserConfig& laser) {
+  constexpr std::array kRates{9600, 19200, 38400, 500000};
+  if (laser.device.empty()) { problems.emplace_back("laser.device must name the serial port of the laser"); }
+  if (std::find(kRates.begin(), kRates.end(), laser.baud) == kRates.end()) {
+    problems.emplace_back("laser.baud must be 9600, 19200, 38400 or 500000");
+  }
+  const bool is_known_opening = laser.opening_deg == 100 || laser.opening_deg == 180;
+  if (!is_known_opening) { problems.emplace_back("laser.opening_deg must be 100 or 180"); }
+  constexpr std::array kResolutions{1.0, 0.5, 0.25};
+  const bool is_known_resolution = std::any_of(kResolutions.begin(), kResolutions.end(), [&](double known) {
+    return std::abs(known - laser.resolution_deg) < 1e-9;
+  });
+  if (!is_known_resolution) { problems.emplace_back("laser.resolution_deg must be 1, 0.5 or 0.25"); }
+  if (laser.mode == LaserMode::Complete && laser.opening_deg == 180 && laser.resolution_deg < 0.3) {
+    problems.emplace_back(
+        "laser.resolution_deg 0.25 needs laser.opening_deg 100, or the partial mode, in complete-scan mode");
+  }
+  check_silence_limit(problems, "laser", laser.silence_limit_s);
+}
+
+void check_can(Problems& problems, const CanConfig& can) {
+  constexpr std::array kBitrates{10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000};
+  if (can.device.empty()) { problems.emplace_back("can.device must name the interface or the adapter's tty"); }
+  constexpr std::size_t kInterfaceNameMax = 15;
+  if (can.link == CanLink::SocketCan && can.device.size() > kInterfaceNameMax) {
+    problems.emplace_back("can.device must be an interface name of at most 15 characters for a SocketCAN link");
+  }
+  if (std::find(kBitrates.begin(), kBitrates.end(), can.bitrate) == kBitrates.end()) {
+    problems.emplace_back("can.bitrate must be one of 10, 20, 50, 100, 125, 250, 500, 800 or 1000 kbit/s, in bit/s");
+  }
+}
+
+void check_distinct_nodes(Problems& problems, const HalConfig& config) {
+  const std::array<std::pair<const char*, int>, 4> nodes{{
+      {"wheel_left", config.wheel_left.enabled ? config.wheel_left.node_id : 0},
+      {"wheel_right", config.wheel_right.enabled ? config.wheel_right.node_id : 0},
+      {"turret", config.turret.enabled ? config.turret.node_id : 0},
+      {"tilt", config.tilt.enabled ? config.tilt.node_id : 0},
+  }};
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (std::size_t j = i + 1; j < nodes.size(); ++j) {
+      if (nodes[i].second != 0 && nodes[i].second == nodes[j].second) {
+        problems.push_back(std::string(nodes[j].first) + ".node_id must differ from " + nodes[i].first + ".node_id");
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> validate(const HalConfig& config) {
+  Problems problems;
+  if (config.laser.enabled) { check_laser(problems, config.laser); }
+  if (config.can.enabled) { check_can(problems, config.can); }
+  const std::array<std::pair<const char*, const EncoderConfig*>, 3> encoders{
+      {{"wheel_left", &config.wheel_left}, {"wheel_right", &config.wheel_right}, {"turret", &config.turret}}};
+  for (const auto& [key, encoder] : encoders) {
+    if (!encoder->enabled) { continue; }
+    check_node_id(problems, key, encoder->node_id);
+    check_silence_limit(problems, key, encoder->silence_limit_s);
+  }
+  if (config.turret.enabled &&
+      !(config.turret.counts_per_turn >= 1.0 && std::isfinite(config.turret.counts_per_turn))) {
+    problems.emplace_back("turret.counts_per_turn must be at least 1: the counts of one turret revolution");
+  }
+  if (config.tilt.enabled) {
+    check_node_id(problems, "tilt", config.tilt.node_id);
+    check_silence_limit(problems, "tilt", config.tilt.silence_limit_s);
+  }
+  check_distinct_nodes(problems, config);
+  return problems;
+}
+
+}  // namespace rosid::hal
