@@ -1,0 +1,237 @@
+#include "msgs/log.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <system_error>
+#include <utility>
+
+#include "msgs/bytes.hpp"
+#include "msgs/log_codec.hpp"
+
+namespace rosid::msgs {
+
+namespace {
+
+// LCM event log: sync word, event number, time stamp in us, length of the channel's name, length of the data; all big
+// endian; then the name and the data.
+constexpr std::uint32_t kSync = 0xEDA1DA01U;
+constexpr std::size_t kHeaderSize = 28;
+constexpr std::size_t kMaxChannel = 63;               // LCM's own limit
+constexpr std::size_t kMaxData = 4U * 1024U * 1024U;  // far above any event; a larger length is damage
+constexpr std::size_t kReadSize = 64U * 1024U;
+
+struct CloseFile {
+  void operator()(std::FILE* file) const { static_cast<void>(std::fclose(file)); }
+};
+using File = std::unique_ptr<std::FILE, CloseFile>;
+
+std::string errno_text(int code) {
+  return std::generic_category().message(code);
+}
+
+ErrorCode code_from_errno(int code) {
+  switch (code) {
+    case ENOENT: return ErrorCode::NotFound;
+    case EACCES:
+    case EPERM: return ErrorCode::PermissionDenied;
+    default: return ErrorCode::Io;
+  }
+}
+
+}  // namespace
+
+struct LogWriter::Impl {
+  File file;
+  std::string path;
+  std::int64_t event_number = 0;
+  std::vector<std::uint8_t> buffer;
+};
+
+LogWriter::LogWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+LogWriter::LogWriter(LogWriter&&) noexcept = default;
+LogWriter& LogWriter::operator=(LogWriter&&) noexcept = default;
+LogWriter::~LogWriter() = default;
+
+Result<LogWriter> LogWriter::create(const std::filesystem::path& path) {
+  auto impl = std::make_unique<Impl>();
+  impl->path = path.string();
+  impl->file.reset(std::fopen(impl->path.c_str(), "wbe"));
+  if (!impl->file) {
+    const int code = errno;
+    return make_error(code_from_errno(code), fmt::format("{}: cannot create: {}", impl->path, errno_text(code)));
+  }
+  return LogWriter(std::move(impl));
+}
+
+Result<void> LogWriter::write(const LogRecord& record, std::int64_t epoch_offset_us) {
+  const std::string_view channel = channel_of(record);
+  std::vector<std::uint8_t>& buffer = impl_->buffer;
+  buffer.clear();
+  LcmWriter out(buffer);
+  out.put(kSync);
+  out.put(impl_->event_number);
+  out.put((to_ns(record.t) / 1000) + epoch_offset_us);
+  out.put(static_cast<std::int32_t>(channel.size()));
+  const std::size_t length_position = buffer.size();
+  out.put(std::int32_t{0});
+  for (const char c : channel) { out.put(static_cast<std::uint8_t>(c)); }
+  const std::size_t data_position = buffer.size();
+  encode_payload(record, buffer);
+  std::vector<std::uint8_t> length;
+  LcmWriter(length).put(static_cast<std::int32_t>(buffer.size() - data_position));
+  std::copy(length.begin(), length.end(), buffer.begin() + static_cast<std::ptrdiff_t>(length_position));
+  if (std::fwrite(buffer.data(), 1, buffer.size(), impl_->file.get()) != buffer.size()) {
+    const int code = errno;
+    return make_error(ErrorCode::Io, fmt::format("{}: cannot write: {}", impl_->path, errno_text(code)));
+  }
+  ++impl_->event_number;
+  return {};
+}
+
+Result<void> LogWriter::flush() {
+  if (std::fflush(impl_->file.get()) != 0) {
+    const int code = errno;
+    return make_error(ErrorCode::Io, fmt::format("{}: cannot write: {}", impl_->path, errno_text(code)));
+  }
+  return {};
+}
+
+struct LogReader::Impl {
+  File file;
+  std::vector<std::uint8_t> buffer;  // bytes [begin, buffer.size()) are not consumed yet
+  std::size_t begin = 0;
+  std::uint64_t skipped = 0;
+  bool at_end = false;  // of the file; the buffer may still hold bytes
+
+  enum class Damage : std::uint8_t { None, CutOff, Garbled };
+  Damage damage = Damage::None;  // the last bytes read were no event; not counted yet
+
+  /// At least `count` unconsumed bytes, or as many as the file has left.
+  std::span<const std::uint8_t> peek(std::size_t count);
+  /// Moves to the next sync word behind the current position.
+  void resynchronise();
+  void note_damage(Damage kind);
+  void note_event();
+  void note_end();
+};
+
+std::span<const std::uint8_t> LogReader::Impl::peek(std::size_t count) {
+  if (buffer.size() - begin < count) {
+    buffer.erase(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(begin));
+    begin = 0;
+  }
+  while (buffer.size() < begin + count && !at_end) {
+    const std::size_t have = buffer.size();
+    buffer.resize(have + kReadSize);
+    const std::size_t got = std::fread(buffer.data() + have, 1, kReadSize, file.get());
+    buffer.resize(have + got);
+    at_end = got < kReadSize;
+  }
+  return std::span<const std::uint8_t>(buffer).subspan(begin);
+}
+
+void LogReader::Impl::note_damage(Damage kind) {
+  damage = std::max(damage, kind);
+}
+
+void LogReader::Impl::note_event() {
+  if (damage != Damage::None) { ++skipped; }
+  damage = Damage::None;
+}
+
+void LogReader::Impl::note_end() {
+  if (damage == Damage::Garbled) { ++skipped; }
+  damage = Damage::None;
+}
+
+void LogReader::Impl::resynchronise() {
+  constexpr std::array<std::uint8_t, 4> kPattern{0xED, 0xA1, 0xDA, 0x01};
+  begin = std::min(begin + 1, buffer.size());
+  for (auto window = peek(kPattern.size()); window.size() >= kPattern.size(); window = peek(kPattern.size())) {
+    const auto hit = std::search(window.begin(), window.end(), kPattern.begin(), kPattern.end());
+    if (hit != window.end()) {
+      begin += static_cast<std::size_t>(hit - window.begin());
+      return;
+    }
+    begin += window.size() - (kPattern.size() - 1);
+  }
+  begin = buffer.size();
+}
+
+LogReader::LogReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+LogReader::LogReader(LogReader&&) noexcept = default;
+LogReader& LogReader::operator=(LogReader&&) noexcept = default;
+LogReader::~LogReader() = default;
+
+Result<LogReader> LogReader::open(const std::filesystem::path& path) {
+  auto impl = std::make_unique<Impl>();
+  impl->file.reset(std::fopen(path.c_str(), "rbe"));
+  // A directory can be opened for reading, but not read.
+  std::error_code ignored;
+  if (impl->file && std::filesystem::is_directory(path, ignored)) {
+    return make_error(ErrorCode::InvalidArgument, fmt::format("{}: is a directory, not a log", path.string()));
+  }
+  if (!impl->file) {
+    const int code = errno;
+    return make_error(code_from_errno(code), fmt::format("{}: cannot open: {}", path.string(), errno_text(code)));
+  }
+  return LogReader(std::move(impl));
+}
+
+std::optional<LogRecord> LogReader::next() {
+  Impl& in = *impl_;
+  for (;;) {
+    const auto head = in.peek(kHeaderSize);
+    if (head.size() < kHeaderSize) {
+      in.note_end();
+      return std::nullopt;
+    }
+    LcmReader header(head.first(kHeaderSize));
+    const bool has_sync = header.get<std::uint32_t>() == kSync;
+    static_cast<void>(header.get<std::int64_t>());
+    static_cast<void>(header.get<std::int64_t>());
+    const auto channel_size = header.get<std::uint32_t>();
+    const auto data_size = header.get<std::uint32_t>();
+    if (!has_sync || channel_size == 0 || channel_size > kMaxChannel || data_size > kMaxData) {
+      in.note_damage(Impl::Damage::Garbled);
+      in.resynchronise();
+      continue;
+    }
+    const std::size_t event_size = kHeaderSize + channel_size + data_size;
+    const auto window = in.peek(event_size + sizeof(kSync));
+    if (window.size() < event_size) {
+      // The last event was cut off, which is how the log of a crash ends, or its length is damaged: in that case whole
+      // events follow.
+      in.note_damage(Impl::Damage::CutOff);
+      in.resynchronise();
+      continue;
+    }
+    const auto name = window.subspan(kHeaderSize, channel_size);
+    const std::string channel(name.begin(), name.end());
+    auto record = decode_payload(channel, window.subspan(kHeaderSize + channel_size, data_size));
+    LcmReader following(window.subspan(event_size));
+    const bool is_framed = window.size() == event_size || following.get<std::uint32_t>() == kSync;
+    if (record.has_value() || (is_framed && !is_log_channel(channel))) {
+      in.note_event();
+      in.begin += event_size;
+      if (record.has_value()) { return record; }
+      continue;  // somebody else's channel
+    }
+    in.note_damage(Impl::Damage::Garbled);
+    if (is_framed) {
+      in.begin += event_size;
+    } else {
+      in.resynchronise();
+    }
+  }
+}
+
+std::uint64_t LogReader::skipped() const {
+  return impl_->skipped;
+}
+
+}  // namespace rosid::msgs
