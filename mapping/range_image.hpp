@@ -24,8 +24,9 @@ struct LineInfo {
   double first_deflection_rad = 0;  ///< psi of column 0
   Vec3 origin_V = Vec3::Zero();     ///< beam origin at t, in V at the image's reference time
   Vec3 spin_axis_V =
-      Vec3::UnitX();  ///< optical axis at t in V at the reference time (for the line-common turret error)
-  Mat6 motion_covariance = Mat6::Zero();  ///< of the line's pose relative to the reference pose: border error order
+      Vec3::UnitX();    ///< optical axis at t in V at the reference time (for the line-common turret error)
+  RigidTransform X_RV;  ///< vehicle at t in V at the reference time
+  Mat6 motion_covariance = Mat6::Zero();  ///< of X_RV: odometry noise between the two instants, border error order
 };
 
 /// Row-major raster, lines x columns. Column j of line i points at deflection first_deflection_rad + j * step_rad.
