@@ -11,6 +11,10 @@ if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
 endif()
 
+if(ROSID_TIDY)
+  include(rosid_tidy)
+endif()
+
 add_library(rosid_flags INTERFACE)
 target_include_directories(rosid_flags INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_options(rosid_flags INTERFACE
@@ -49,6 +53,7 @@ endif()
 if(ROSID_PCH)
   file(WRITE ${CMAKE_BINARY_DIR}/rosid_pch.cpp "")
   add_library(rosid_pch OBJECT ${CMAKE_BINARY_DIR}/rosid_pch.cpp)
+  set_target_properties(rosid_pch PROPERTIES CXX_CLANG_TIDY "")
   target_link_libraries(rosid_pch PRIVATE rosid_flags Eigen3::Eigen)
   target_precompile_headers(rosid_pch PRIVATE <Eigen/Dense> <algorithm> <array> <chrono> <cmath> <cstdint> <functional>
     <memory> <optional> <span> <string> <vector>)
