@@ -64,7 +64,9 @@ class DeviceBench {
   void start_drive(Time t);
   std::optional<Time> drive_start() const;
 
-  void laser_from_host(Time t, std::span<const std::uint8_t> bytes) { laser_.receive(t, bytes); }
+  void laser_from_host(Time t, std::span<const std::uint8_t> bytes, int host_baud) {
+    laser_.receive(t, bytes, host_baud);
+  }
   void set_host_baud(int baud) { laser_.set_host_baud(baud); }
   void can_from_host(Time t, const hal::CanFrame& frame);
 

@@ -49,9 +49,9 @@ LmsEmulator::LmsEmulator(Plant& plant, const LmsOptions& options, Time t_start)
   if (is_streaming(settings_)) { start_sweep(t_start, settings_.mode == lms_mode::kPartialScans, false); }
 }
 
-void LmsEmulator::receive(Time t, std::span<const std::uint8_t> bytes) {
+void LmsEmulator::receive(Time t, std::span<const std::uint8_t> bytes, int host_baud) {
   const Time earliest = inbox_.empty() ? now_ : std::max(now_, inbox_.back().t);
-  inbox_.push_back({.t = std::max(t, earliest), .host_baud = host_baud_, .bytes = {bytes.begin(), bytes.end()}});
+  inbox_.push_back({.t = std::max(t, earliest), .host_baud = host_baud, .bytes = {bytes.begin(), bytes.end()}});
 }
 
 void LmsEmulator::advance(Time until, std::vector<LineByte>& out) {

@@ -59,10 +59,11 @@ class LmsEmulator {
  public:
   LmsEmulator(Plant& plant, const LmsOptions& options, Time t_start);
 
-  /// Bytes that reached the device at t, sent at the host's baud rate of that moment (see set_host_baud).
-  void receive(Time t, std::span<const std::uint8_t> bytes);
+  /// Bytes whose last one reached the device at t; host_baud is the rate they were sent at. At another rate than the
+  /// device's own it hears garbage.
+  void receive(Time t, std::span<const std::uint8_t> bytes, int host_baud);
 
-  /// The host's rate from now on. While it differs from the device's, both sides hear garbage.
+  /// The rate the host listens at from now on. While it differs from the device's, the host hears garbage.
   void set_host_baud(int baud) { host_baud_ = baud; }
 
   /// Lets the device live until `until` and appends what left the line up to then.

@@ -41,11 +41,15 @@ struct Reply {
 class Host {
  public:
   explicit Host(const LmsOptions& options = {}) : laser(plant, options, Time{}) {
-    laser.set_host_baud(options.settings.baud);
+    set_baud(options.settings.baud);
     laser.on_telegram([this](const TelegramTruth& telegram) { truth.push_back(telegram); });
   }
 
-  void send(const Bytes& bytes) { laser.receive(now, bytes); }
+  void set_baud(int value) {
+    baud = value;
+    laser.set_host_baud(value);
+  }
+  void send(const Bytes& bytes) { laser.receive(now, bytes, baud); }
   void send(const std::string& hex) { send(from_hex(hex)); }
   void request(const std::string& payload_hex) { send(lms_telegram(0, from_hex(payload_hex))); }
 
@@ -104,6 +108,7 @@ class Host {
   FormulaPlant plant;
   LmsEmulator laser;
   Time now;
+  int baud = 9600;
   std::vector<LineByte> line;
   std::vector<TelegramTruth> truth;
   int acknowledges = 0;
@@ -126,7 +131,7 @@ constexpr const char* kWriteWithIndices =
 /// Brings a host to 500 kBd.
 void go_fast(Host& host) {
   host.expect_exchange(kFast, kModeDone);
-  host.laser.set_host_baud(500000);
+  host.set_baud(500000);
 }
 
 TEST(LmsWire, ChecksumIsZeroForNothingAndForZeros) {
@@ -327,7 +332,7 @@ TEST(LmsEmulator, ChangesTheBaudRateAfterAnsweringAtTheOldOne) {
   host.send("02 00 01 00 31 15 12");
   host.run(1.0);
   EXPECT_TRUE(host.line.empty());  // the device did not understand
-  host.laser.set_host_baud(500000);
+  host.set_baud(500000);
   host.send("02 00 01 00 31 15 12");
   host.run(0.010 + (160 * 20e-6) + 0.001);
   const auto replies = host.take_replies();
@@ -340,7 +345,7 @@ TEST(LmsEmulator, StreamAtTheWrongRateIsGarbage) {
   options.settings.baud = 500000;
   options.settings.mode = lms_mode::kPartialScans;
   Host host(options);
-  host.laser.set_host_baud(9600);
+  host.set_baud(9600);
   host.run(1.0);
   // 75 telegrams of 370 bytes at 500 kBd are about 530 characters at 9600.
   EXPECT_NEAR(static_cast<double>(host.line.size()), 75.0 * 370.0 * 9600.0 / 500000.0, 30.0);
@@ -445,7 +450,7 @@ TEST(LmsEmulator, CompleteScansComeAtTheDocumentedRatesAndWholeScansAreSkipped) 
     Host host;
     host.request(c.baud);
     host.run(0.5);
-    host.laser.set_host_baud(c.baud_value);
+    host.set_baud(c.baud_value);
     host.request(c.variant);
     host.run(0.5);
     host.request("20 24");
@@ -499,7 +504,7 @@ TEST(LmsEmulator, ResetIsConfirmedThenThePowerOnTelegramComesAt9600) {
   auto replies = host.take_replies();
   ASSERT_FALSE(replies.empty());
   EXPECT_EQ(replies.back().bytes, from_hex("02 80 02 00 91 10 79 30"));
-  host.laser.set_host_baud(9600);
+  host.set_baud(9600);
   host.send(kStop);  // nobody is listening yet
   host.run(3.0);
   replies = host.take_replies();
@@ -522,7 +527,7 @@ TEST(LmsEmulator, PowerOnTelegramIsTheDocumentedOne) {
   host.run(0.0201);
   host.laser.power_cycle(host.now);
   host.line.clear();
-  host.laser.set_host_baud(9600);
+  host.set_baud(9600);
   host.run(4.0);
   const auto replies = host.take_replies();
   ASSERT_EQ(replies.size(), 1U);
