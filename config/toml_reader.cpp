@@ -184,6 +184,18 @@ bool TableReader::numbers(std::string_view key, std::span<double> value, Limits 
   return node != nullptr && read_numbers(*node, name_of(key), value, limits);
 }
 
+bool TableReader::degrees(std::string_view key, double& value_rad, Limits limits_deg) {
+  if (!number(key, value_rad, limits_deg)) { return false; }
+  value_rad = rad_from_deg(value_rad);
+  return true;
+}
+
+bool TableReader::degrees(std::string_view key, std::span<double> value_rad, Limits limits_deg) {
+  if (!numbers(key, value_rad, limits_deg)) { return false; }
+  for (double& value : value_rad) { value = rad_from_deg(value); }
+  return true;
+}
+
 bool TableReader::booleans(std::string_view key, std::span<bool> value) {
   const TomlNode* node = find(key);
   if (node == nullptr) { return false; }
@@ -248,6 +260,28 @@ bool TableReader::choice_index(std::string_view key, std::size_t& index, const s
     return false;
   }
   index = static_cast<std::size_t>(std::distance(allowed.begin(), found));
+  return true;
+}
+
+bool TableReader::choice_of(std::string_view key, double& value, std::initializer_list<double> allowed) {
+  double read = 0.0;
+  if (!number(key, read)) { return false; }
+  if (std::ranges::find(allowed, read) == allowed.end()) {
+    issue_at(key, fmt::format("'{}' must be one of {}; it is {}", name_of(key), fmt::join(allowed, ", "), read));
+    return false;
+  }
+  value = read;
+  return true;
+}
+
+bool TableReader::choice_of(std::string_view key, int& value, std::initializer_list<int> allowed) {
+  int read = 0;
+  if (!integer(key, read, std::numeric_limits<int>::min(), std::numeric_limits<int>::max())) { return false; }
+  if (std::ranges::find(allowed, read) == allowed.end()) {
+    issue_at(key, fmt::format("'{}' must be one of {}; it is {}", name_of(key), fmt::join(allowed, ", "), read));
+    return false;
+  }
+  value = read;
   return true;
 }
 

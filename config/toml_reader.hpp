@@ -66,6 +66,9 @@ class TableReader {
   bool angles(std::string_view name, std::span<double> value_rad, Limits limits_deg = {});
   /// Exactly value.size() booleans.
   bool booleans(std::string_view key, std::span<bool> value);
+  /// Key as given, its numbers in degrees (or degrees per something), into radians. Limits in degrees.
+  bool degrees(std::string_view key, double& value_rad, Limits limits_deg = {});
+  bool degrees(std::string_view key, std::span<double> value_rad, Limits limits_deg = {});
   /// Any number of numbers between the two counts.
   bool number_list(std::string_view key, std::vector<double>& value, std::size_t min_count, std::size_t max_count,
                    Limits limits = {});
@@ -85,6 +88,10 @@ class TableReader {
     value = std::next(names.begin(), static_cast<std::ptrdiff_t>(index))->second;
     return true;
   }
+
+  /// One of the listed numbers.
+  bool choice_of(std::string_view key, double& value, std::initializer_list<double> allowed);
+  bool choice_of(std::string_view key, int& value, std::initializer_list<int> allowed);
 
   /// Sub-table; absent is not an issue, another type is.
   [[nodiscard]] TableReader table(std::string_view key);
