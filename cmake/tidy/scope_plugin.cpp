@@ -46,7 +46,7 @@ class ProjectScopeAction : public clang::PluginASTAction {
 
 namespace {
 const clang::FrontendPluginRegistry::Add<ProjectScopeAction> kRegistration("rosid-project-scope",
-                                                                          "checks walk through our own code only");
+                                                                           "checks walk through our own code only");
 }  // namespace
 
 }  // namespace rosid::tidy

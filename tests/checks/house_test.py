@@ -1,0 +1,49 @@
+"""The checks of length, words and format can fail, and say where."""
+
+import unittest
+
+import support
+
+
+class LengthTest(support.TreeTest):
+    def test_one_line_too_many_is_reported(self):
+        self.write("base/long.cpp", "\n" * 401)
+        done = self.run_tool("check_length.py", "--root", self.tree)
+        self.assertIn("base/long.cpp:400: 401 lines", done.stdout)
+        self.assertEqual(done.returncode, 1)
+
+    def test_the_limit_itself_passes(self):
+        self.write("base/long.cpp", "\n" * 400)
+        self.assertNotIn("base/long.cpp", self.run_tool("check_length.py", "--root", self.tree).stdout)
+
+
+class WordsTest(support.TreeTest):
+    # Put together at run time: this file is checked too.
+    WRONG = ("TO" + "DO later", "// FIX" + "ME", "see /ho" + "me/me/x", "a st" + "ub", "not imple" + "mented yet")
+    RIGHT = ("todos los", "homework", "a/wor" + "k/b", "stubborn", "hacking")
+
+    def test_wrong_words_are_reported(self):
+        for text in self.WRONG:
+            with self.subTest(text=text):
+                self.write("docs/a.md", f"first\n{text}\n")
+                done = self.run_tool("check_words.py", "--root", self.tree)
+                self.assertIn("docs/a.md:2:", done.stdout)
+                self.assertEqual(done.returncode, 1)
+
+    def test_other_words_pass(self):
+        self.write("docs/a.md", "\n".join(self.RIGHT))
+        done = self.run_tool("check_words.py", "--root", self.tree)
+        self.assertEqual(done.returncode, 0, done.stdout)
+
+
+class FormatTest(support.TreeTest):
+    def test_wrong_spacing_is_reported_and_mended(self):
+        self.write(".clang-format", "BasedOnStyle: Google\n")
+        path = self.write("base/a.cpp", "int   x=1;\n")
+        self.assertEqual(self.run_tool("check_format.py", "--root", self.tree).returncode, 1)
+        self.assertEqual(self.run_tool("check_format.py", "--root", self.tree, "--fix").returncode, 0)
+        self.assertEqual(path.read_text(encoding="utf-8"), "int x = 1;\n")
+
+
+if __name__ == "__main__":
+    unittest.main()
