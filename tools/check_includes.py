@@ -30,7 +30,7 @@ MAY_INCLUDE = {
 # A place is a folder, or a file by the start of its name.
 RESERVED_HEADERS = {
     r"sys/|linux/|net/|arpa/|netinet/|(unistd|fcntl|poll|termios|pthread|sched|signal|dlfcn|ifaddrs|pty|asm/.*)\.h$":
-        ("hal/io", "daemon", "msgs/atomic_file", "sim/io", "tools", "tests", "bench"),
+        ("hal/io", "daemon", "msgs/atomic_file", "sim/pty", "sim/can_socket", "tools", "tests", "bench"),
     r"systemd/": ("daemon", "tests"),
     r"lcm/": ("daemon", "msgs", "tools", "tests"),
     r"toml\+\+/": ("config/toml", "tests"),

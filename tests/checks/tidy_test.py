@@ -7,7 +7,7 @@ import unittest
 
 import support
 
-AT_LEAST = {"base": 230, "tests": 190}
+AT_LEAST = {"base": 350, "tests": 190}
 MUST_RUN = ("bugprone-use-after-move", "bugprone-unchecked-optional-access", "bugprone-unused-return-value",
             "bugprone-dangling-handle", "bugprone-exception-escape", "cppcoreguidelines-narrowing-conversions",
             "concurrency-mt-unsafe", "clang-analyzer-core.NullDereference", "readability-identifier-naming")
