@@ -1,6 +1,8 @@
 #pragma once
 // Range image -> surface patches.
 
+#include <memory>
+
 #include "base/calibration.hpp"
 #include "mapping/config.hpp"
 #include "mapping/patch.hpp"
@@ -10,15 +12,23 @@ namespace rosid::mapping {
 
 /// Region-based split and merge on the raster's own topology [maths 5]. Deterministic; one instance per thread; keeps
 /// its working memory between views. Accepts any raster, valid or not, and always returns a result.
+///
+/// The normals of the patches point towards the sensor; areas are those of the outlines. Cost about 0.5 us for each
+/// pixel of the raster.
 class Segmenter {
  public:
   Segmenter(const SegmenterConfig& config, const Calibration& calibration);
+  ~Segmenter();
+  Segmenter(Segmenter&&) noexcept;
+  Segmenter& operator=(Segmenter&&) noexcept;
+  Segmenter(const Segmenter&) = delete;
+  Segmenter& operator=(const Segmenter&) = delete;
 
   SurfaceView segment(const RangeImage& image);
 
  private:
-  SegmenterConfig config_;
-  Calibration calibration_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace rosid::mapping

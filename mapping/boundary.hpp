@@ -1,0 +1,106 @@
+#pragma once
+// Boundary polygons of labelled regions: cracks between pixels followed round each region, over the seam as well
+// [maths 5.6].
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "mapping/patch.hpp"
+#include "mapping/segment_frame.hpp"
+#include "mapping/segment_regions.hpp"
+
+namespace rosid::mapping {
+
+/// One side of a boundary pixel.
+struct Crack {
+  std::size_t pixel = 0;              ///< the pixel inside
+  std::int32_t neighbour = kNoLabel;  ///< label of the patch found beyond, kNoLabel when there is none
+  EdgeType type = EdgeType::NoData;
+  Vec2 start = Vec2::Zero();  ///< in plane coordinates of the patch
+};
+
+/// The cracks of one closed boundary in order; the region lies on one side all the way.
+struct CrackRing {
+  std::vector<Crack> cracks;
+};
+
+/// Length of the common border of two patches of a view by what it is.
+struct SharedBorder {
+  std::int32_t a = 0;  ///< label, a < b
+  std::int32_t b = 0;
+  double crease_m = 0.0;
+  double jump_m = 0.0;
+};
+
+/// Follows boundaries on `labels` (kNoLabel or the number of a patch in `planes`, all planes in V).
+class BoundaryTracer {
+ public:
+  BoundaryTracer(const SegmentFrame& frame, const Labels& labels, const std::vector<Plane>& planes)
+      : frame_(frame), labels_(labels), planes_(planes) {}
+
+  /// All boundaries of the patch with this label and these pixels, outer and inner, in no particular orientation.
+  std::vector<CrackRing> trace(std::int32_t label, const std::vector<std::size_t>& pixels);
+
+ private:
+  struct State {
+    int i = 0;
+    int j = 0;
+    int side_i = 0;  ///< towards the pixel outside
+    int side_j = 0;
+    int handed = 1;
+  };
+  struct Ray {
+    Vec3 origin = Vec3::Zero();
+    Vec3 direction = Vec3::Zero();
+  };
+  struct Beyond {
+    std::int32_t neighbour = kNoLabel;
+    EdgeType type = EdgeType::NoData;
+  };
+
+  bool is_inside(int i, int j) const;
+  State next(const State& state) const;
+  Ray ray(int i, int j) const;
+  Vec2 corner(const State& state) const;
+  Beyond look_beyond(const State& state) const;
+  Beyond compare(const State& state, int steps, std::size_t other) const;
+  double range_to(const Plane& plane, const Ray& ray) const;
+  CrackRing follow(const State& start);
+  std::uint8_t& visited(const State& state);
+
+  const SegmentFrame& frame_;
+  const Labels& labels_;
+  const std::vector<Plane>& planes_;
+  std::int32_t label_ = kNoLabel;
+  std::vector<std::uint8_t> visited_;  ///< one bit for each side of each pixel
+};
+
+/// Gives small holes without a return the label around them, for boundaries only.
+void fill_small_holes(const SegmentFrame& frame, const std::vector<Plane>& planes, Labels& labels);
+
+/// Moves vertices at creases onto the line where both planes meet, if that is within the pixel. Plane coordinates of
+/// planes[label].
+void snap_to_creases(const SegmentFrame& frame, const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring);
+
+/// Adds the ring's cracks that border other patches; `borders` stays sorted by (a, b).
+void add_shared_borders(std::int32_t label, const CrackRing& ring, std::vector<SharedBorder>& borders);
+
+/// What the rings of a patch become.
+struct PatchOutline {
+  Ring outer;
+  std::vector<Ring> inner;
+  double area_m2 = 0.0;
+  double occlusion = 0.0;
+};
+
+/// The ring with the largest area becomes the outer ring (counter-clockwise), the others holes; vertices are thinned
+/// to a tolerance of half a pixel, 15 mm at least, without ever crossing. False when nothing with an area remains.
+bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline);
+
+/// Signed area, counter-clockwise positive.
+double signed_area(const std::vector<Vec2>& vertices);
+/// True when no two edges touch other than neighbours at their common vertex. O(n^2).
+bool is_simple(const std::vector<Vec2>& vertices);
+
+}  // namespace rosid::mapping

@@ -1,0 +1,197 @@
+#include "mapping/plane_fit.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+namespace rosid::mapping {
+namespace {
+
+using Mat36 = Eigen::Matrix<double, 3, 6>;
+using Line36 = std::vector<Mat36, Eigen::aligned_allocator<Mat36>>;
+
+constexpr int kPasses = 3;
+/// Residuals beyond this many standard deviations count less and less (Huber).
+constexpr double kHuber = 3.0;
+
+/// Weighted sums of one pass; points relative to the sensor.
+struct Sums {
+  double weight = 0.0;
+  Vec3 mean = Vec3::Zero();
+  Mat3 scatter = Mat3::Zero();
+  Mat3 noise = Mat3::Zero();  ///< S_n: what noise alone adds to the scatter
+};
+
+/// Covariance of a point from errors of its own, and of its line's turret angle [maths (3.1)].
+Mat3 own_covariance(const SegmentFrame& frame, std::size_t k) {
+  const Vec3 d = frame.direction(k);
+  const double across = static_cast<double>(frame.image().range_m[k]) * frame.calibration().deflection_sigma_rad;
+  const Vec3 t = across * frame.tangent(k);
+  return (frame.range_sigma() * frame.range_sigma()) * d * d.transpose() + t * t.transpose();
+}
+
+class Fitter {
+ public:
+  Fitter(const SegmentFrame& frame, std::span<const std::size_t> pixels) : frame_(frame), pixels_(pixels) {
+    weight_.resize(pixels.size());
+  }
+
+  bool run(const QuickPlane& start, PlaneFit& fit) {
+    normal_ = start.normal;
+    centroid_ = start.centroid;
+    for (int pass = 0; pass < kPasses; ++pass) {
+      weigh(pass > 0);
+      if (!solve()) { return false; }
+    }
+    propagate(fit);
+    return fit.noise.allFinite();
+  }
+
+ private:
+  void weigh(bool is_robust);
+  bool solve();
+  Mat3 jacobian(const Vec3& q, double w) const;
+  void propagate(PlaneFit& fit) const;
+  Mat3 motion_covariance(const Line36& sensitivity) const;
+
+  const SegmentFrame& frame_;
+  std::span<const std::size_t> pixels_;
+  std::vector<double> weight_;
+  Sums sums_;
+  Vec3 normal_ = Vec3::UnitZ();
+  Vec3 centroid_ = Vec3::Zero();
+  Vec3 lambda_ = Vec3::Zero();
+  Mat3 axes_ = Mat3::Identity();  ///< columns normal, e2, e3
+};
+
+void Fitter::weigh(bool is_robust) {
+  for (std::size_t p = 0; p < pixels_.size(); ++p) {
+    const std::size_t k = pixels_[p];
+    const double variance = std::max(frame_.variance(k, normal_).total(), 1e-12);
+    weight_[p] = 1.0 / variance;
+    if (is_robust) {
+      const double z = std::abs(normal_.dot(frame_.point(k) - centroid_)) / std::sqrt(variance);
+      if (z > kHuber) { weight_[p] *= kHuber / z; }
+    }
+  }
+}
+
+bool Fitter::solve() {
+  sums_ = Sums{};
+  for (std::size_t p = 0; p < pixels_.size(); ++p) {
+    sums_.weight += weight_[p];
+    sums_.mean += weight_[p] * (frame_.point(pixels_[p]) - centroid_);
+  }
+  sums_.mean = centroid_ + sums_.mean / sums_.weight;
+  for (std::size_t p = 0; p < pixels_.size(); ++p) {
+    const std::size_t k = pixels_[p];
+    const double w = weight_[p];
+    const Vec3 q = frame_.point(k) - sums_.mean;
+    sums_.scatter += w * q * q.transpose();
+    const Vec3 s = frame_.calibration().turret_sigma_rad * frame_.sweep(k);
+    sums_.noise += (w * (1.0 - (w / sums_.weight))) * (own_covariance(frame_, k) + s * s.transpose());
+  }
+  Eigen::SelfAdjointEigenSolver<Mat3> corrected(sums_.scatter - sums_.noise);
+  lambda_ = corrected.eigenvalues();
+  axes_ = corrected.eigenvectors();
+  const bool spans = lambda_.allFinite() && lambda_[1] > 2.0 * std::abs(lambda_[0]) && lambda_[1] > 1e-9;
+  if (!spans) { return false; }
+  if (axes_.col(0).dot(normal_) < 0.0) { axes_.col(0) = -axes_.col(0); }
+  axes_.col(2) = axes_.col(0).cross(axes_.col(1));  // e2 x e3 = n
+  normal_ = axes_.col(0);
+  centroid_ = sums_.mean;
+  return true;
+}
+
+Mat3 Fitter::jacobian(const Vec3& q, double w) const {
+  // maths (3.5)
+  const Vec3 n = axes_.col(0);
+  const Vec3 e2 = axes_.col(1);
+  const Vec3 e3 = axes_.col(2);
+  const double qn = q.dot(n);
+  Mat3 J;
+  J.row(0) = (w / (lambda_[0] - lambda_[1])) * (qn * e2 + q.dot(e2) * n).transpose();
+  J.row(1) = (w / (lambda_[0] - lambda_[2])) * (qn * e3 + q.dot(e3) * n).transpose();
+  J.row(2) = (w / sums_.weight) * n.transpose();
+  return J;
+}
+
+void Fitter::propagate(PlaneFit& fit) const {
+  const auto lines = static_cast<std::size_t>(frame_.image().lines);
+  Mat3 independent = Mat3::Zero();
+  std::vector<Vec3> turret(lines, Vec3::Zero());
+  Line36 motion(frame_.is_moving() ? lines : 0, Mat36::Zero());
+  double sum_squares = 0.0;
+  double chi2 = 0.0;
+  for (std::size_t p = 0; p < pixels_.size(); ++p) {
+    const std::size_t k = pixels_[p];
+    const auto line = static_cast<std::size_t>(frame_.line_of(k));
+    const Vec3 q = frame_.point(k) - sums_.mean;
+    const Mat3 J = jacobian(q, weight_[p]);
+    independent += J * own_covariance(frame_, k) * J.transpose();
+    turret[line] += J * frame_.sweep(k);
+    if (frame_.is_moving()) {
+      motion[line].leftCols<3>() -= J * skew(frame_.image().point_V[k].cast<double>());
+      motion[line].rightCols<3>() += J;
+    }
+    const double e = q.dot(normal_);
+    sum_squares += e * e;
+    chi2 += e * e / std::max(frame_.variance(k, normal_).total(), 1e-12);
+  }
+  const auto count = static_cast<double>(pixels_.size());
+  fit.rms_m = std::sqrt(sum_squares / count);
+  fit.chi2_reduced = chi2 / std::max(count - 3.0, 1.0);
+  fit.lambda = lambda_;
+  // Noise that turned out larger than calibrated is believed.
+  fit.noise = std::max(1.0, fit.chi2_reduced) * independent;
+  const double turret_variance = frame_.calibration().turret_sigma_rad * frame_.calibration().turret_sigma_rad;
+  for (const Vec3& a : turret) { fit.noise += turret_variance * a * a.transpose(); }  // maths (3.7)
+  if (frame_.is_moving()) { fit.noise += motion_covariance(motion); }
+  const double angle = frame_.calibration().angle_systematic_sigma_rad;
+  const double range = frame_.calibration().range_systematic_sigma_m;
+  fit.plane.normal = normal_;
+  fit.plane.e2 = axes_.col(1);
+  fit.plane.e3 = axes_.col(2);
+  fit.plane.centroid = centroid_ + frame_.image().sensor_V;
+  fit.plane.covariance_independent = fit.noise;
+  fit.plane.covariance_independent.diagonal() += Vec3(angle * angle, angle * angle, range * range);  // maths (3.8)
+  fit.plane.covariance_correlated.setZero();
+}
+
+Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
+  // The lines' motion errors are a random walk away from t_ref in both directions of time: each step's noise is common
+  // to all lines beyond it.
+  const RangeImage& image = frame_.image();
+  std::vector<int> order(sensitivity.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto time_from_ref = [&image](int i) {
+    return (image.line[static_cast<std::size_t>(i)].t - image.t_ref).count();
+  };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return time_from_ref(a) < time_from_ref(b); });
+  const auto first_after = std::find_if(order.begin(), order.end(), [&](int i) { return time_from_ref(i) >= 0; });
+  Mat3 sum = Mat3::Zero();
+  const auto walk = [&](auto begin, auto end) {  // from the far end towards t_ref
+    Mat36 beyond = Mat36::Zero();
+    for (auto it = begin; it != end; ++it) {
+      beyond += sensitivity[static_cast<std::size_t>(*it)];
+      const auto nearer = std::next(it);
+      const Mat6 step =
+          nearer == end ? frame_.line_motion(*it) : Mat6(frame_.line_motion(*it) - frame_.line_motion(*nearer));
+      sum += beyond * step * beyond.transpose();
+    }
+  };
+  walk(order.begin(), first_after);
+  walk(order.rbegin(), std::make_reverse_iterator(first_after));
+  return sum;
+}
+
+}  // namespace
+
+bool fit_plane(const SegmentFrame& frame, std::span<const std::size_t> pixels, const QuickPlane& start, PlaneFit& fit) {
+  if (pixels.size() < 4) { return false; }
+  return Fitter(frame, pixels).run(start, fit);
+}
+
+}  // namespace rosid::mapping

@@ -1,0 +1,126 @@
+#include "mapping/segmenter.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "mapping/attributes.hpp"
+#include "mapping/boundary.hpp"
+#include "mapping/plane_fit.hpp"
+#include "mapping/segment_regions.hpp"
+
+namespace rosid::mapping {
+namespace {
+
+/// A patch whose direction noise exceeds this says nothing about a plane.
+constexpr double kMaxDirectionSigma_rad = 0.05;
+/// Residuals beyond this many times the noise: not a plane.
+constexpr double kMaxRoughness = 1.6;
+constexpr int kRefinements = 3;
+
+}  // namespace
+
+struct Segmenter::Impl {
+  Impl(const SegmenterConfig& config_in, const Calibration& calibration) : config(config_in), frame(calibration) {}
+
+  void find_regions();
+  void fit_components();
+  void outline_patches(SurfaceView& view);
+
+  SegmenterConfig config;
+  SegmentFrame frame;
+  std::vector<Facet> facets;
+  std::vector<Region> regions;
+  Labels labels;
+  std::vector<std::vector<std::size_t>> components;
+  std::vector<PlaneFit> fits;
+};
+
+Segmenter::Segmenter(const SegmenterConfig& config, const Calibration& calibration)
+    : impl_(std::make_unique<Impl>(config, calibration)) {}
+Segmenter::~Segmenter() = default;
+Segmenter::Segmenter(Segmenter&&) noexcept = default;
+Segmenter& Segmenter::operator=(Segmenter&&) noexcept = default;
+
+void Segmenter::Impl::find_regions() {
+  split(frame, facets, labels);
+  merge_facets(frame, config, facets, regions, labels);
+  for (int pass = 0; pass < kRefinements; ++pass) {
+    merge_regions(frame, config, regions, labels);
+    grow(frame, regions, labels);
+    refine_borders(frame, regions, labels);
+    refit(frame, regions, labels);
+  }
+  merge_regions(frame, config, regions, labels);
+}
+
+void Segmenter::Impl::fit_components() {
+  find_components(frame, config, labels, components);
+  constexpr std::size_t kMaxPatches = std::numeric_limits<std::uint16_t>::max();
+  if (components.size() > kMaxPatches) { components.resize(kMaxPatches); }
+  fits.clear();
+  std::vector<std::vector<std::size_t>> kept;
+  for (auto& pixels : components) {
+    Moments moments;
+    for (const std::size_t k : pixels) { moments.add(frame.point(k)); }
+    PlaneFit fit;
+    if (!fit_plane(frame, pixels, fit_quick(moments), fit)) { continue; }
+    const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
+    const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.chi2_reduced < kMaxRoughness * kMaxRoughness;
+    if (!is_plane || element_area(frame, pixels, fit.plane.normal) < config.min_patch_area_m2) { continue; }
+    fits.push_back(fit);
+    kept.push_back(std::move(pixels));
+  }
+  components = std::move(kept);
+}
+
+void Segmenter::Impl::outline_patches(SurfaceView& view) {
+  labels.assign(labels.size(), kNoLabel);
+  std::vector<Plane> planes;
+  for (std::size_t c = 0; c < components.size(); ++c) {
+    planes.push_back(fits[c].plane);
+    for (const std::size_t k : components[c]) { labels[k] = static_cast<std::int32_t>(c); }
+  }
+  for (std::size_t k = 0; k < labels.size(); ++k) { view.labels[k] = static_cast<std::uint16_t>(labels[k] + 1); }
+  fill_small_holes(frame, planes, labels);
+  BoundaryTracer tracer(frame, labels, planes);
+  std::vector<SharedBorder> borders;
+  for (std::size_t c = 0; c < components.size(); ++c) {
+    const auto label = static_cast<std::int32_t>(c);
+    std::vector<CrackRing> rings = tracer.trace(label, components[c]);
+    for (CrackRing& ring : rings) {
+      add_shared_borders(label, ring, borders);
+      snap_to_creases(frame, planes, label, ring);
+    }
+    PatchOutline outline;
+    Patch patch;
+    patch.id = static_cast<std::uint32_t>(c + 1);
+    patch.plane = planes[c];
+    if (make_outline(rings, outline)) {
+      patch.outer.push_back(outline.outer);
+      patch.inner = outline.inner;
+    }
+    patch.attributes = measure_attributes(frame, components[c], fits[c], outline);
+    view.patches.push_back(std::move(patch));
+  }
+  view.relations = make_relations(borders, planes);
+}
+
+SurfaceView Segmenter::segment(const RangeImage& image) {
+  SurfaceView view;
+  view.view_id = image.view_id;
+  view.t_ref = image.t_ref;
+  view.X_OV_ref = image.X_OV_ref;
+  view.sensor_V = image.sensor_V;
+  view.lines = std::max(image.lines, 0);
+  view.columns = std::max(image.columns, 0);
+  view.labels.assign(static_cast<std::size_t>(view.lines) * static_cast<std::size_t>(view.columns), 0);
+  if (!impl_->frame.prepare(image)) { return view; }
+  view.valid_pixels = impl_->frame.valid_count();
+  impl_->find_regions();
+  impl_->fit_components();
+  impl_->outline_patches(view);
+  return view;
+}
+
+}  // namespace rosid::mapping
