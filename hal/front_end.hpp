@@ -59,6 +59,8 @@ class FrontEnd {
   void tick(Time now);
 
   const DeviceHealthTable& health() const;
+  /// What the device's driver is doing or what is wrong, in words for a log. Static storage, never null.
+  const char* detail(Device device) const;
 
  private:
   struct Impl;

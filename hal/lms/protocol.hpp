@@ -129,6 +129,9 @@ constexpr std::uint16_t range_mask(std::uint8_t measuring_mode) {
   }
 }
 
+/// The measuring mode rosid asks for: 15 range bits, 32 m in millimetres.
+inline constexpr std::uint8_t kMode32m = 5;
+
 /// Words at or above mask - 8 are no ranges: mask = no return, mask - 1 dazzle, - 2 overflow, - 4 signal too weak,
 /// - 5 channel error, - 8 beyond the largest range; the others are not used.
 inline constexpr std::uint16_t kSpecialValues = 8;

@@ -91,8 +91,12 @@ class Parser {
   void set_baud(int baud);
   /// Bytes as one read() returned them, t_receive taken directly after it.
   void feed(Time t_receive, std::span<const std::uint8_t> bytes, ParserSink& sink);
+  /// Instant at which tick() will give up what is buffered; Time::max() when nothing is.
+  Time expiry() const { return begin_ == end_ ? Time::max() : t_last_byte_ + kStaleTimeout; }
   /// Gives up stale candidates; call now and then when nothing arrives.
   void tick(Time now, ParserSink& sink);
+  /// Time one byte takes at the present baud rate.
+  Duration byte_time() const { return Duration{byte_time_ns_}; }
   /// Forgets buffered bytes, for example after a change of the baud rate. May be called from a callback.
   void reset();
 

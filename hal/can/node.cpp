@@ -1,0 +1,277 @@
+#include "hal/can/node.hpp"
+
+#include <algorithm>
+
+namespace rosid::hal::canopen {
+
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr Duration kSdoTimeout = milliseconds(150);
+constexpr Duration kFirstData = milliseconds(1000);
+constexpr Duration kPauseMin = milliseconds(200);
+constexpr Duration kPauseMax = milliseconds(5000);
+constexpr Duration kRestartPause = milliseconds(200);  // between two start commands to a node that is not operational
+constexpr int kTries = 3;
+constexpr int kBadStreak = 10;
+
+constexpr std::uint32_t kCobIdMask = 0x7FF;
+constexpr std::uint32_t kCobExtended = 1U << 29U;
+constexpr std::uint32_t kCobOff = 1U << 31U;
+
+}  // namespace
+
+Node::Node(int node_id, Duration silence_limit, std::span<const SetupStep> steps, NodeActions& actions)
+    : node_id_(node_id),
+      tpdo1_id_(cob::kTpdo1 + static_cast<std::uint32_t>(node_id)),
+      silence_limit_(silence_limit),
+      steps_(steps),
+      actions_(actions) {}
+
+void Node::on_link(Time now, bool is_open) {
+  has_delivered_ = false;
+  is_lost_ = false;
+  is_heard_ = false;
+  bad_streak_ = 0;
+  emergency_ = 0;
+  pause_ = kPauseMin;
+  tpdo1_id_ = cob::kTpdo1 + static_cast<std::uint32_t>(node_id_);
+  if (is_open) {
+    begin(now);
+    return;
+  }
+  phase_ = Phase::Closed;
+  deadline_ = Time::max();
+}
+
+void Node::begin(Time now) {
+  ++counters_.setups;
+  phase_ = Phase::Setup;
+  has_answered_ = false;
+  tpdo1_entry_ = 0;
+  step_ = 0;
+  tries_ = 0;
+  send_nmt(NmtCommand::PreOperational);
+  if (steps_.empty()) {
+    start_node(now);
+  } else {
+    send_step(now);
+  }
+}
+
+void Node::send_step(Time now) {
+  const SetupStep& step = steps_[step_];
+  ++tries_;
+  deadline_ = now + kSdoTimeout;
+  switch (step.kind) {
+    case SetupStep::Kind::Read: actions_.send(sdo_read_request(node_id_, step.object)); break;
+    case SetupStep::Kind::Write:
+    case SetupStep::Kind::WriteIfRefused:
+      actions_.send(sdo_write_request(node_id_, step.object, step.value, step.size));
+      break;
+    case SetupStep::Kind::EnableTpdo1:
+      actions_.send(sdo_write_request(node_id_, step.object, tpdo1_entry_ & ~kCobOff, 4));
+      break;
+  }
+}
+
+void Node::next_step(Time now, bool was_refused) {
+  ++step_;
+  while (step_ < steps_.size()) {
+    const SetupStep::Kind kind = steps_[step_].kind;
+    const bool is_skipped = (kind == SetupStep::Kind::WriteIfRefused && !was_refused) ||
+                            (kind == SetupStep::Kind::EnableTpdo1 && (tpdo1_entry_ & kCobOff) == 0U);
+    if (!is_skipped) { break; }
+    was_refused = false;
+    ++step_;
+  }
+  tries_ = 0;
+  if (step_ < steps_.size()) {
+    send_step(now);
+  } else {
+    start_node(now);
+  }
+}
+
+void Node::start_node(Time now) {
+  phase_ = Phase::Starting;
+  t_last_start_ = now;
+  send_nmt(NmtCommand::Start);
+  deadline_ = now + kFirstData;
+}
+
+void Node::on_deadline(Time now) {
+  switch (phase_) {
+    case Phase::Closed: deadline_ = Time::max(); break;
+    case Phase::BackOff: begin(now); break;
+    case Phase::Setup:
+      if (tries_ < kTries) {
+        send_step(now);
+        break;
+      }
+      ++counters_.sdo_timeouts;
+      if (has_answered_) {
+        next_step(now, true);
+      } else {
+        start_node(now);
+      }
+      break;
+    case Phase::Starting:
+      phase_ = Phase::BackOff;
+      deadline_ = now + pause_;
+      pause_ = std::min(2 * pause_, kPauseMax);
+      break;
+    case Phase::Running:
+      is_lost_ = true;
+      begin(now);
+      break;
+  }
+}
+
+bool Node::on_frame(Time t_receive, const CanFrame& frame) {
+  if (phase_ == Phase::Closed || frame.is_error) { return false; }
+  const auto id = static_cast<std::uint32_t>(node_id_);
+  const bool is_data = frame.id == tpdo1_id_;
+  const bool is_sdo = frame.id == cob::kSdoAnswer + id;
+  const bool is_heartbeat = frame.id == cob::kHeartbeat + id;
+  const bool is_emergency = frame.id == cob::kEmergency + id;
+  if (!is_data && !is_sdo && !is_heartbeat && !is_emergency) { return false; }
+  if (frame.is_extended || frame.is_remote || frame.length > 8) {
+    ++counters_.format_errors;
+    return true;
+  }
+  is_heard_ = true;
+  counters_.bytes += frame.length;
+  if (is_data) {
+    on_data(t_receive, frame);
+  } else if (is_sdo) {
+    on_sdo(t_receive, frame);
+  } else if (is_heartbeat) {
+    on_heartbeat(t_receive, frame);
+  } else {
+    on_emergency(frame);
+  }
+  return true;
+}
+
+void Node::on_sdo(Time now, const CanFrame& frame) {
+  const std::optional<SdoMessage> message = parse_sdo_answer(frame);
+  if (!message) {
+    ++counters_.format_errors;
+    return;
+  }
+  if (phase_ != Phase::Setup || message->object != steps_[step_].object) { return; }  // an answer that came too late
+  has_answered_ = true;
+  if (message->kind == SdoMessage::Kind::Abort) { ++counters_.sdo_aborts; }
+  const bool is_read = steps_[step_].kind == SetupStep::Kind::Read;
+  const auto expected = is_read ? SdoMessage::Kind::Read : SdoMessage::Kind::Write;
+  const bool is_done = message->kind == expected;
+  if (is_done && is_read) {
+    if (message->object == kTpdo1CobId) {
+      tpdo1_entry_ = message->value;
+      const std::uint32_t cob_id = message->value & kCobIdMask;
+      if (cob_id != 0 && (message->value & kCobExtended) == 0U) { tpdo1_id_ = cob_id; }
+    }
+    actions_.on_object(message->object, message->value);
+  }
+  next_step(now, !is_done);
+}
+
+void Node::on_heartbeat(Time now, const CanFrame& frame) {
+  if (frame.length != 1) {
+    ++counters_.format_errors;
+    return;
+  }
+  // Bit 7 toggles with the old node guarding.
+  const auto node_state = static_cast<std::uint8_t>(frame.data[0] & 0x7FU);
+  if (node_state == static_cast<std::uint8_t>(NodeState::BootUp)) {
+    ++counters_.reboots;
+    emergency_ = 0;
+    actions_.on_reboot();
+    begin(now);
+    return;
+  }
+  const bool is_expected_to_run = phase_ == Phase::Running || phase_ == Phase::Starting;
+  const bool is_operational = node_state == static_cast<std::uint8_t>(NodeState::Operational);
+  if (is_expected_to_run && !is_operational && now - t_last_start_ >= kRestartPause) {
+    t_last_start_ = now;
+    send_nmt(NmtCommand::Start);
+  }
+}
+
+void Node::on_emergency(const CanFrame& frame) {
+  if (frame.length < 2) {
+    ++counters_.format_errors;
+    return;
+  }
+  const auto code =
+      static_cast<std::uint16_t>(static_cast<unsigned>(frame.data[0]) | (static_cast<unsigned>(frame.data[1]) << 8U));
+  if (code != 0) { ++counters_.emergencies; }
+  emergency_ = code;
+}
+
+void Node::on_data(Time t, const CanFrame& frame) {
+  if (has_delivered_ && t <= t_last_frame_) {
+    const bool is_same = t == t_last_frame_ && frame.length == last_length_ && frame.data == last_data_;
+    ++(is_same ? counters_.duplicates : counters_.rejected);
+    return;
+  }
+  t_last_frame_ = t;
+  last_data_ = frame.data;
+  last_length_ = frame.length;
+  const Verdict verdict = actions_.on_process_data(t, std::span(frame.data).first(frame.length));
+  has_delivered_ = true;
+  switch (verdict) {
+    case Verdict::Accepted:
+      bad_streak_ = 0;
+      ++counters_.samples;
+      t_last_data_ = t;
+      break;
+    case Verdict::Rejected:
+      bad_streak_ = std::min(bad_streak_ + 1, kBadStreak);
+      ++counters_.rejected;
+      break;
+    case Verdict::Malformed:
+      bad_streak_ = std::min(bad_streak_ + 1, kBadStreak);
+      ++counters_.format_errors;
+      break;
+  }
+  // During the set-up a node that was already running goes on; its data are as good as later.
+  if (phase_ == Phase::Starting || phase_ == Phase::BackOff || phase_ == Phase::Running) {
+    phase_ = Phase::Running;
+    is_lost_ = false;
+    pause_ = kPauseMin;
+    deadline_ = t + silence_limit_;
+  }
+}
+
+void Node::send_nmt(NmtCommand command) {
+  actions_.send(nmt_frame(command, node_id_));
+}
+
+DeviceState Node::state() const {
+  if (phase_ == Phase::Closed) { return DeviceState::Absent; }
+  if (phase_ == Phase::Running) {
+    const bool is_faulty = bad_streak_ >= kBadStreak || (emergency_ != 0 && concerns_measurement(emergency_));
+    return is_faulty ? DeviceState::Faulty : DeviceState::Running;
+  }
+  if (is_lost_) { return DeviceState::Silent; }
+  return is_heard_ ? DeviceState::Configuring : DeviceState::Connecting;
+}
+
+const char* Node::detail() const {
+  if (emergency_ != 0) { return emergency_text(emergency_); }
+  switch (phase_) {
+    case Phase::Closed: return "link is closed";
+    case Phase::Setup: return "setting up by SDO";
+    case Phase::Starting: return "started, no process data yet";
+    case Phase::Running: return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
+    case Phase::BackOff:
+      return is_heard_ ? "answers, but sends no process data (TPDO1); check its mapping and event timer"
+                       : "no frame from this node; check node number, bit rate and termination";
+  }
+  return "unknown";
+}
+
+}  // namespace rosid::hal::canopen

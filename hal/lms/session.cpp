@@ -1,0 +1,471 @@
+#include "hal/lms/session.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rosid::hal::lms {
+
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr Duration kPauseMin = milliseconds(200);
+constexpr Duration kPauseMax = milliseconds(5000);
+constexpr Duration kNakPause = milliseconds(40);  // the device wants at least 30 ms
+constexpr Duration kBaudSettle = milliseconds(250);
+constexpr Duration kReplyTimeout = milliseconds(1000);  // a status reply lasts 170 ms at 9600 Bd
+constexpr Duration kModeTimeout = milliseconds(3000);
+constexpr Duration kWriteTimeout = milliseconds(10000);  // into the device's EEPROM; documented: up to 7 s
+constexpr Duration kFirstScanTimeout = milliseconds(3000);
+constexpr int kTries = 3;
+constexpr int kMostBaudFailures = 2;
+// Wear of the EEPROM: a device that forgets its configuration at every start must not be written for ever.
+constexpr std::uint64_t kMostConfigWrites = 5;
+constexpr std::size_t kNonsenseBytes = 64;
+
+/// Time for a rest of a scan, another queued one and the answer at this rate.
+Duration search_timeout(int baud) {
+  if (baud <= 9600) { return milliseconds(2500); }
+  if (baud <= 38400) { return milliseconds(1500); }
+  return milliseconds(800);
+}
+
+/// A slow line brings few scans; silence is measured in scans there.
+Duration three_longest_telegrams(int baud) {
+  constexpr std::int64_t kBits = 3 * 10 * static_cast<std::int64_t>(kMaxTelegram);
+  return Duration{kBits * 1'000'000'000 / std::max(baud, 1)};
+}
+
+constexpr std::uint16_t centidegrees(double degrees) {
+  return static_cast<std::uint16_t>(degrees * 100.0 + 0.5);
+}
+
+}  // namespace
+
+const char* to_cstr(Session::Phase phase) {
+  switch (phase) {
+    case Session::Phase::Closed: return "port is closed";
+    case Session::Phase::StopStream: return "looking for the device's baud rate";
+    case Session::Phase::ProveBaud: return "checking the baud rate found";
+    case Session::Phase::ChangeBaud:
+    case Session::Phase::SettleBaud: return "changing the baud rate";
+    case Session::Phase::VerifyBaud: return "checking the new baud rate";
+    case Session::Phase::ReadConfig: return "reading the configuration";
+    case Session::Phase::EnterInstallation: return "entering installation mode";
+    case Session::Phase::WriteConfig: return "writing the configuration";
+    case Session::Phase::LeaveInstallation: return "leaving installation mode";
+    case Session::Phase::VerifyConfig: return "reading the configuration back";
+    case Session::Phase::SetVariant: return "choosing opening and resolution";
+    case Session::Phase::StartStream: return "starting the stream";
+    case Session::Phase::AwaitData: return "waiting for the first scan";
+    case Session::Phase::Streaming: return "running";
+    case Session::Phase::BackOff: return "pausing before the next attempt";
+  }
+  return "unknown";
+}
+
+Session::Session(const LaserConfig& config, SessionActions& actions) : config_(config), actions_(actions) {}
+
+void Session::on_link(Time now, bool is_open) {
+  pause_ = kPauseMin;
+  has_spoken_ = false;
+  baud_failures_ = 0;
+  if (is_open) {
+    state_ = DeviceState::Connecting;
+    start(now, config_.baud);
+    return;
+  }
+  phase_ = Phase::Closed;
+  state_ = DeviceState::Absent;
+  detail_ = to_cstr(phase_);
+  deadline_ = Time::max();
+}
+
+void Session::start(Time now, int first_baud) {
+  ++counters_.starts;
+  bytes_in_search_ = 0;
+  has_device_error_ = false;
+  candidate_ = 0;
+  candidate_count_ = 0;
+  const auto add = [this](int baud) {
+    const auto* const end = candidates_.begin() + candidate_count_;
+    if (std::find(candidates_.cbegin(), end, baud) != end) { return; }
+    candidates_[candidate_count_] = baud;
+    ++candidate_count_;
+  };
+  add(first_baud);
+  add(config_.baud);
+  for (const int baud : {9600, 38400, 19200, 500000}) { add(baud); }
+  try_candidate(now);
+}
+
+void Session::try_candidate(Time now) {
+  has_sign_of_life_ = false;
+  baud_ = candidates_[candidate_];
+  actions_.set_baud(baud_);
+  enter(now, Phase::StopStream);
+}
+
+void Session::next_candidate(Time now) {
+  ++candidate_;
+  if (candidate_ < candidate_count_) {
+    try_candidate(now);
+  } else if (bytes_in_search_ >= kNonsenseBytes) {
+    back_off(now, DeviceState::Faulty,
+             "bytes arrive but make no sense at any baud rate; check that the line is RS-422 (pins 7-8 of the device "
+             "bridged) and that it is the laser");
+  } else {
+    back_off(now, has_spoken_ ? DeviceState::Silent : DeviceState::Connecting,
+             "no answer at any baud rate; check power and cable (receive and transmit pairs, pins 7-8 bridged for "
+             "RS-422)");
+  }
+}
+
+void Session::back_off(Time now, DeviceState state, const char* why) {
+  phase_ = Phase::BackOff;
+  state_ = state;
+  detail_ = why;
+  deadline_ = now + pause_;
+  pause_ = std::min(2 * pause_, kPauseMax);
+}
+
+void Session::enter(Time now, Phase phase) {
+  phase_ = phase;
+  detail_ = to_cstr(phase);
+  tries_ = 0;
+  if (is_command_phase()) {
+    send_command(now);
+  } else {
+    deadline_ = now + timeout();
+  }
+}
+
+bool Session::is_command_phase() const {
+  return awaited_reply() != 0;
+}
+
+std::uint8_t Session::awaited_reply() const {
+  switch (phase_) {
+    case Phase::StopStream:
+    case Phase::ChangeBaud:
+    case Phase::EnterInstallation:
+    case Phase::LeaveInstallation:
+    case Phase::StartStream: return command::kModeReply;
+    case Phase::ProveBaud:
+    case Phase::VerifyBaud: return command::kStatusReply;
+    case Phase::ReadConfig:
+    case Phase::VerifyConfig: return command::kReadConfigReply;
+    case Phase::WriteConfig: return command::kWriteConfigReply;
+    case Phase::SetVariant: return command::kVariantReply;
+    case Phase::Closed:
+    case Phase::SettleBaud:
+    case Phase::AwaitData:
+    case Phase::Streaming:
+    case Phase::BackOff: return 0;
+  }
+  return 0;
+}
+
+Duration Session::timeout() const {
+  switch (phase_) {
+    case Phase::StopStream: return search_timeout(baud_);
+    case Phase::ProveBaud:
+    case Phase::VerifyBaud:
+    case Phase::ReadConfig:
+    case Phase::VerifyConfig: return kReplyTimeout;
+    case Phase::WriteConfig: return kWriteTimeout;
+    case Phase::SettleBaud: return kBaudSettle;
+    case Phase::AwaitData: return kFirstScanTimeout;
+    case Phase::Streaming: return std::max(duration_from_s(config_.silence_limit_s), three_longest_telegrams(baud_));
+    case Phase::ChangeBaud:
+    case Phase::EnterInstallation:
+    case Phase::LeaveInstallation:
+    case Phase::SetVariant:
+    case Phase::StartStream:
+    case Phase::Closed:
+    case Phase::BackOff: return kModeTimeout;
+  }
+  return kModeTimeout;
+}
+
+int Session::most_tries() const {
+  // A command that was refused for its checksum has not been carried out: saying it again is safe.
+  if (was_nak_) { return kTries; }
+  switch (phase_) {
+    // Nothing heard at this rate: the next rate is the better guess.
+    case Phase::StopStream: return has_sign_of_life_ ? kTries : 1;
+    // After a lost answer nobody knows at which rate the device is; only a new search can tell.
+    case Phase::ChangeBaud:
+    case Phase::WriteConfig: return 1;
+    default: return kTries;
+  }
+}
+
+void Session::send_command(Time now) {
+  ++tries_;
+  ++counters_.commands;
+  was_nak_ = false;
+  if (tries_ > 1) { ++counters_.retries; }
+  switch (phase_) {
+    case Phase::StopStream:
+    case Phase::LeaveInstallation: write_mode(mode::kOnRequest); break;
+    case Phase::ChangeBaud: write_mode(baud_mode(config_.baud)); break;
+    case Phase::StartStream: write_mode(stream_mode_); break;
+    case Phase::EnterInstallation: write_installation(); break;
+    case Phase::ProveBaud:
+    case Phase::VerifyBaud: write_request(command::kStatus); break;
+    case Phase::ReadConfig:
+    case Phase::VerifyConfig: write_request(command::kReadConfig); break;
+    case Phase::WriteConfig: write_configuration(); break;
+    case Phase::SetVariant: write_variant(); break;
+    case Phase::Closed:
+    case Phase::SettleBaud:
+    case Phase::AwaitData:
+    case Phase::Streaming:
+    case Phase::BackOff: break;
+  }
+  deadline_ = now + timeout();
+}
+
+void Session::write_request(std::uint8_t command_byte) {
+  TelegramBuilder builder = request(command_byte);
+  actions_.write(builder.finish());
+}
+
+void Session::write_mode(std::uint8_t mode_byte) {
+  TelegramBuilder builder = mode_request(mode_byte);
+  actions_.write(builder.finish());
+}
+
+void Session::write_installation() {
+  TelegramBuilder builder = mode_request(mode::kInstallation);
+  builder.bytes(kPassword);
+  actions_.write(builder.finish());
+}
+
+void Session::write_configuration() {
+  // Read, modify, write: everything the device said goes back, in the length it said it.
+  std::array<std::uint8_t, 64> wanted = device_config_;
+  wanted[config_offset::kAvailability] =
+      static_cast<std::uint8_t>(wanted[config_offset::kAvailability] | kAvailabilityIndices);
+  if (range_mask(wanted[config_offset::kMeasuringMode]) != range_mask(kMode32m)) {
+    wanted[config_offset::kMeasuringMode] = kMode32m;
+  }
+  wanted[config_offset::kUnit] = kUnitMillimetres;
+  ++counters_.config_writes;
+  TelegramBuilder builder = request(command::kWriteConfig);
+  builder.bytes(std::span(wanted).first(device_config_size_));
+  actions_.write(builder.finish());
+}
+
+void Session::write_variant() {
+  // In the partial mode 100/0.25 makes the mirror step through all four quarter-degree phases; the opening is then
+  // ignored and 180 degrees are delivered.
+  constexpr std::array<Variant, 3> kPartial{{{100, 25}, {180, 50}, {180, 100}}};
+  Variant variant{static_cast<std::uint16_t>(config_.opening_deg), centidegrees(config_.resolution_deg)};
+  if (config_.mode == LaserMode::Partial) { variant = kPartial[variant_]; }
+  TelegramBuilder builder = request(command::kVariant);
+  builder.u16(variant.opening_deg).u16(variant.resolution_cdeg);
+  actions_.write(builder.finish());
+}
+
+void Session::on_telegram(Time now, const Telegram& telegram) {
+  if (phase_ == Phase::Closed) { return; }
+  has_sign_of_life_ = true;
+  const std::uint8_t code = telegram.command();
+  if (code == command::kPowerOn || code == command::kResetConfirmed) {
+    on_device_restart(now);
+  } else if (code == command::kNotUnderstood && is_command_phase()) {
+    ++counters_.refusals;
+    on_command_failed(now);
+  } else if (is_command_phase() && code == awaited_reply()) {
+    on_reply(now, telegram);
+  }
+  // Anything else is a late answer or a scan that was still queued.
+}
+
+void Session::on_device_restart(Time now) {
+  ++counters_.restarts;
+  state_ = DeviceState::Configuring;
+  // It said so at the present rate, so that is where it can be found.
+  start(now, baud_);
+}
+
+void Session::on_reply(Time now, const Telegram& telegram) {
+  has_spoken_ = true;
+  const std::span<const std::uint8_t> data = telegram.reply_data();
+  switch (telegram.command()) {
+    case command::kModeReply: on_mode_reply(now, !data.empty() && data[0] == 0); break;
+    case command::kStatusReply:
+      on_status(telegram.payload);
+      after_proof(now);
+      break;
+    case command::kReadConfigReply: on_config(now, data); break;
+    case command::kWriteConfigReply:
+      // Manuals disagree about the code of success: reading back decides.
+      enter(now, Phase::LeaveInstallation);
+      break;
+    case command::kVariantReply:
+      if (!data.empty() && data[0] == 1) {
+        enter(now, Phase::StartStream);
+      } else {
+        on_variant_refused(now);
+      }
+      break;
+    default: break;
+  }
+}
+
+void Session::on_mode_reply(Time now, bool is_accepted) {
+  // Whatever it says, an answer with a good checksum tells the rate.
+  if (!is_accepted && phase_ != Phase::StopStream) {
+    ++counters_.refusals;
+    on_command_failed(now);
+    return;
+  }
+  switch (phase_) {
+    case Phase::StopStream:
+      state_ = DeviceState::Configuring;
+      enter(now, Phase::ProveBaud);
+      break;
+    case Phase::ChangeBaud:
+      // The answer came at the old rate; from here on the device listens at the new one.
+      baud_ = config_.baud;
+      actions_.set_baud(baud_);
+      enter(now, Phase::SettleBaud);
+      break;
+    case Phase::EnterInstallation: enter(now, Phase::WriteConfig); break;
+    case Phase::LeaveInstallation: enter(now, Phase::VerifyConfig); break;
+    case Phase::StartStream: enter(now, Phase::AwaitData); break;
+    default: break;
+  }
+}
+
+void Session::on_status(std::span<const std::uint8_t> payload) {
+  if (payload.size() > status_offset::kMeasuringMode) { measuring_mode_ = payload[status_offset::kMeasuringMode]; }
+}
+
+void Session::after_proof(Time now) {
+  state_ = DeviceState::Configuring;
+  if (phase_ == Phase::ProveBaud && baud_ != config_.baud && baud_failures_ < kMostBaudFailures) {
+    enter(now, Phase::ChangeBaud);
+    return;
+  }
+  enter(now, Phase::ReadConfig);
+}
+
+void Session::on_config(Time now, std::span<const std::uint8_t> data) {
+  if (data.size() <= config_offset::kUnit || data.size() > device_config_.size()) {
+    ++counters_.refusals;
+    after_config(now);
+    return;
+  }
+  std::copy(data.begin(), data.end(), device_config_.begin());
+  device_config_size_ = data.size();
+  measuring_mode_ = data[config_offset::kMeasuringMode];
+  const bool is_length_known = data.size() >= kConfigLengthMin && data.size() <= kConfigLengthMax;
+  if (phase_ == Phase::ReadConfig && is_length_known && is_config_wanted() &&
+      counters_.config_writes < kMostConfigWrites) {
+    enter(now, Phase::EnterInstallation);
+    return;
+  }
+  if (is_config_wanted()) { ++counters_.refusals; }
+  after_config(now);
+}
+
+bool Session::is_config_wanted() const {
+  return range_mask(device_config_[config_offset::kMeasuringMode]) != range_mask(kMode32m) ||
+         device_config_[config_offset::kUnit] != kUnitMillimetres ||
+         (device_config_[config_offset::kAvailability] & kAvailabilityIndices) == 0;
+}
+
+void Session::after_config(Time now) {
+  variant_ = 0;
+  stream_mode_ = config_.mode == LaserMode::Partial ? mode::kStreamPartial : mode::kStreamComplete;
+  enter(now, Phase::SetVariant);
+}
+
+void Session::on_variant_refused(Time now) {
+  ++counters_.refusals;
+  ++variant_;
+  constexpr std::size_t kPartialVariants = 3;
+  if (config_.mode == LaserMode::Partial && variant_ < kPartialVariants) {
+    enter(now, Phase::SetVariant);
+  } else {
+    // With whatever variant it has: the telegrams themselves tell their raster.
+    enter(now, Phase::StartStream);
+  }
+}
+
+void Session::on_command_failed(Time now) {
+  switch (phase_) {
+    case Phase::StopStream:
+    case Phase::ProveBaud: next_candidate(now); break;
+    case Phase::ChangeBaud:
+    case Phase::VerifyBaud:
+      ++baud_failures_;
+      back_off(now, DeviceState::Connecting, "the change of the baud rate failed; searching again");
+      break;
+    case Phase::ReadConfig:
+    case Phase::VerifyConfig: after_config(now); break;
+    case Phase::EnterInstallation:
+    case Phase::WriteConfig: enter(now, Phase::LeaveInstallation); break;
+    case Phase::SetVariant: on_variant_refused(now); break;
+    case Phase::StartStream:
+      if (stream_mode_ == mode::kStreamPartial) {
+        stream_mode_ = mode::kStreamComplete;
+        enter(now, Phase::StartStream);
+      } else {
+        back_off(now, DeviceState::Faulty, "the device refuses to stream");
+      }
+      break;
+    case Phase::LeaveInstallation: back_off(now, DeviceState::Silent, "no answer while configuring"); break;
+    default: break;
+  }
+}
+
+void Session::on_scan(Time now, std::uint8_t device_status) {
+  if (phase_ == Phase::AwaitData) {
+    pause_ = kPauseMin;
+    enter(now, Phase::Streaming);
+    state_ = DeviceState::Running;
+  }
+  if (phase_ != Phase::Streaming) { return; }
+  const bool has_error = (device_status & status::kSeverityMask) >= status::kError;
+  if (has_error && !has_device_error_) { ++counters_.device_errors; }
+  has_device_error_ = has_error;
+  state_ = has_error ? DeviceState::Faulty : DeviceState::Running;
+  detail_ = has_error ? "the device reports an error in its status byte" : to_cstr(phase_);
+  deadline_ = now + timeout();
+}
+
+void Session::on_nak(Time now) {
+  if (!is_command_phase()) { return; }
+  ++counters_.naks;
+  has_sign_of_life_ = true;
+  was_nak_ = true;
+  deadline_ = std::min(deadline_, now + kNakPause);
+}
+
+void Session::on_deadline(Time now) {
+  switch (phase_) {
+    case Phase::Closed: deadline_ = Time::max(); return;
+    case Phase::BackOff: start(now, config_.baud); return;
+    case Phase::SettleBaud: enter(now, Phase::VerifyBaud); return;
+    case Phase::Streaming:
+      ++counters_.silences;
+      state_ = DeviceState::Silent;
+      start(now, baud_);
+      return;
+    case Phase::AwaitData: back_off(now, DeviceState::Silent, "the stream was accepted but no scan came"); return;
+    default: break;
+  }
+  if (tries_ < most_tries()) {
+    send_command(now);
+    return;
+  }
+  ++counters_.timeouts;
+  on_command_failed(now);
+}
+
+}  // namespace rosid::hal::lms
