@@ -73,7 +73,7 @@ TEST(Convert, State) {
   EXPECT_EQ(message.utime, 5'000'000);
   EXPECT_EQ(message.sequence, 77);
   EXPECT_EQ(message.fixes_applied, 3);
-  EXPECT_EQ(message.status, state_t::INITIALISED + state_t::COASTING);
+  EXPECT_EQ(message.status, 1 + 4);  // initialised, coasting
   EXPECT_EQ(message.position_OV[2], 6.0);
   EXPECT_EQ(message.position_WO[0], 7.0);
   EXPECT_EQ(message.covariance_WV[35], 35.0);
