@@ -58,21 +58,25 @@ PatchAttributes measure_attributes(const SegmentFrame& frame, const std::vector<
   Vec2 first = Vec2::Zero();
   Mat2 second = Mat2::Zero();
   std::vector<std::pair<double, double>> cone;
-  cone.reserve(pixels.size());
-  for (const std::size_t k : pixels) {
+  // Local normals are dear, and some hundred of them tell their distribution.
+  constexpr std::size_t kNormals = 500;
+  const std::size_t stride = 1 + (pixels.size() / kNormals);
+  for (std::size_t p = 0; p < pixels.size(); ++p) {
+    const std::size_t k = pixels[p];
     const double a = element(frame, k, fit.plane.normal);
     const Vec2 s = fit.plane.to_plane(frame.point(k) + frame.image().sensor_V);
     weight += a;
     first += a * s;
     second += a * s * s.transpose();
-    if (frame.curvature(k) >= 0.0F) {
-      const auto bin = std::upper_bound(kCurvatureBins.begin(), kCurvatureBins.end(), frame.curvature(k));
+    if (p % stride != 0) { continue; }
+    const SegmentFrame::Local& local = frame.local(k);
+    if (local.curvature >= 0.0F) {
+      const auto bin = std::upper_bound(kCurvatureBins.begin(), kCurvatureBins.end(), local.curvature);
       attributes.curvature_histogram[static_cast<std::size_t>(bin - kCurvatureBins.begin())] += static_cast<float>(a);
       known += a;
     }
-    const Eigen::Vector3f& normal = frame.normal(k);
-    if (normal.squaredNorm() > 0.5F) {
-      cone.emplace_back(std::acos(std::clamp(normal.cast<double>().dot(fit.plane.normal), -1.0, 1.0)), a);
+    if (local.normal.squaredNorm() > 0.5F) {
+      cone.emplace_back(std::acos(std::clamp(local.normal.cast<double>().dot(fit.plane.normal), -1.0, 1.0)), a);
     }
   }
   if (weight > 0.0) { measure_shape(second / weight - (first / weight) * (first / weight).transpose(), attributes); }

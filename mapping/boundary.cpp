@@ -163,6 +163,14 @@ BoundaryTracer::Beyond BoundaryTracer::compare(const State& s, int steps, std::s
   return result;
 }
 
+double BoundaryTracer::footprint(std::size_t k) const {
+  if (!frame_.is_valid(k)) { return 0.0; }
+  const Plane& plane = planes_[static_cast<std::size_t>(label_)];
+  constexpr double kLeastIncidence = 0.3;
+  const double incidence = std::max(-plane.normal.dot(frame_.direction(k)), kLeastIncidence);
+  return static_cast<double>(frame_.image().range_m[k]) * frame_.image().step_rad / incidence;
+}
+
 std::uint8_t& BoundaryTracer::visited(const State& s) {
   return visited_[frame_.topology().index(s.i, s.j)];
 }
@@ -177,7 +185,8 @@ CrackRing BoundaryTracer::follow(const State& start) {
   do {
     visited(state) = static_cast<std::uint8_t>(visited(state) | bit(state));
     const Beyond beyond = look_beyond(state);
-    ring.cracks.push_back({frame_.topology().index(state.i, state.j), beyond.neighbour, beyond.type, last_end});
+    const std::size_t k = frame_.topology().index(state.i, state.j);
+    ring.cracks.push_back({k, beyond.neighbour, beyond.type, last_end, footprint(k)});
     last_end = corner(state);
     state = next(state);
   } while (state.i != start.i || state.j != start.j || state.side_i != start.side_i || state.side_j != start.side_j);
@@ -241,9 +250,8 @@ void fill_small_holes(const SegmentFrame& frame, const std::vector<Plane>& plane
   }
 }
 
-void snap_to_creases(const SegmentFrame& frame, const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring) {
+void snap_to_creases(const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring) {
   const Plane& own = planes[static_cast<std::size_t>(label)];
-  const RangeImage& image = frame.image();
   const auto move_onto = [&own, &planes](const Crack& crack, Vec2& s) {
     const Plane& other = planes[static_cast<std::size_t>(crack.neighbour)];
     const Vec2 g(own.e2.dot(other.normal), own.e3.dot(other.normal));
@@ -262,11 +270,7 @@ void snap_to_creases(const SegmentFrame& frame, const std::vector<Plane>& planes
       if (here.type == EdgeType::Crease && here.neighbour != before.neighbour) { move_onto(here, snapped); }
     }
     if (here.type == EdgeType::Crease && before.type != EdgeType::Crease) { move_onto(here, snapped); }
-    const std::size_t k = here.pixel;
-    if (!frame.is_valid(k)) { continue; }
-    const double r = static_cast<double>(image.range_m[k]);
-    const double incidence = std::max(-own.normal.dot(frame.direction(k)), 0.1);
-    const double footprint = (2.0 * r * image.step_rad / incidence) + 0.02;
+    const double footprint = (2.0 * here.footprint_m) + 0.02;
     if ((snapped - here.start).norm() <= footprint) { here.start = snapped; }
   }
 }

@@ -18,6 +18,7 @@ struct Crack {
   std::int32_t neighbour = kNoLabel;  ///< label of the patch found beyond, kNoLabel when there is none
   EdgeType type = EdgeType::NoData;
   Vec2 start = Vec2::Zero();  ///< in plane coordinates of the patch
+  double footprint_m = 0.0;   ///< size of a pixel here along the line, on the surface
 };
 
 /// The cracks of one closed boundary in order; the region lies on one side all the way.
@@ -66,6 +67,7 @@ class BoundaryTracer {
   Beyond look_beyond(const State& state) const;
   Beyond compare(const State& state, int steps, std::size_t other) const;
   double range_to(const Plane& plane, const Ray& ray) const;
+  double footprint(std::size_t k) const;
   CrackRing follow(const State& start);
   std::uint8_t& visited(const State& state);
 
@@ -81,7 +83,7 @@ void fill_small_holes(const SegmentFrame& frame, const std::vector<Plane>& plane
 
 /// Moves vertices at creases onto the line where both planes meet, if that is within the pixel. Plane coordinates of
 /// planes[label].
-void snap_to_creases(const SegmentFrame& frame, const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring);
+void snap_to_creases(const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring);
 
 /// Adds the ring's cracks that border other patches; `borders` stays sorted by (a, b).
 void add_shared_borders(std::int32_t label, const CrackRing& ring, std::vector<SharedBorder>& borders);

@@ -9,6 +9,8 @@
 namespace rosid::mapping {
 namespace {
 
+/// Of a pixel: labels at a border are right to about half a pixel.
+constexpr double kTolerancePixels = 0.6;
 constexpr double kToleranceMin_m = 0.015;
 constexpr double kToleranceMax_m = 0.08;
 /// Stretches of one type shorter than this do not get vertices of their own.
@@ -150,9 +152,14 @@ void reverse(Ring& ring) {
   std::rotate(ring.edges.begin(), ring.edges.begin() + 1, ring.edges.end());
 }
 
-double typical_length(std::vector<double> lengths) {
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
+double typical_footprint(const CrackRing& ring) {
+  std::vector<double> sizes;
+  for (const Crack& crack : ring.cracks) {
+    if (crack.footprint_m > 0.0) { sizes.push_back(crack.footprint_m); }
+  }
+  if (sizes.empty()) { return 0.0; }
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
   return *middle;
 }
 
@@ -193,7 +200,7 @@ bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline) {
   double length = 0.0;
   for (std::size_t r = 0; r < rings.size(); ++r) {
     const std::vector<double> lengths = lengths_of(rings[r]);
-    double tolerance = std::clamp(0.5 * typical_length(lengths), kToleranceMin_m, kToleranceMax_m);
+    double tolerance = std::clamp(kTolerancePixels * typical_footprint(rings[r]), kToleranceMin_m, kToleranceMax_m);
     Ring ring = thinned(rings[r], lengths, tolerance);
     for (int halving = 0; halving < kHalvings && !is_simple(ring.vertices); ++halving) {
       tolerance *= 0.5;

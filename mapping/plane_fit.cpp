@@ -12,7 +12,7 @@ namespace {
 using Mat36 = Eigen::Matrix<double, 3, 6>;
 using Line36 = std::vector<Mat36, Eigen::aligned_allocator<Mat36>>;
 
-constexpr int kPasses = 3;
+constexpr int kPasses = 2;
 /// Residuals beyond this many standard deviations count less and less (Huber).
 constexpr double kHuber = 3.0;
 

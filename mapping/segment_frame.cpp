@@ -13,6 +13,9 @@ constexpr double kVeilAngle_rad = 0.14;
 /// A motion uncertainty above this no longer widens the tolerance: it would let surfaces bleed into each other.
 constexpr double kMotionSigmaMax_m = 0.015;
 constexpr double kNoiseFactorMax = 2.5;
+/// Part of the systematic range error that varies over one surface, with incidence and distance.
+constexpr double kFlatnessShare = 0.5;
+constexpr double kFlatnessMin_m = 0.003;
 constexpr std::size_t kNoiseSamplesMin = 200;
 constexpr int kWindowColumnsMax = 8;
 constexpr int kWindowLinesMax = 24;
@@ -41,6 +44,8 @@ double planar_range(double left, double right, double step_rad) {
 bool SegmentFrame::prepare(const RangeImage& image) {
   image_ = &image;
   valid_count_ = 0;
+  const double flatness = std::max(kFlatnessMin_m, kFlatnessShare * calibration_.range_systematic_sigma_m);
+  flatness_variance_ = flatness * flatness;
   if (!sizes_agree(image)) { return false; }
   mark_valid();
   topology_ = RasterTopology(image);
@@ -50,7 +55,7 @@ bool SegmentFrame::prepare(const RangeImage& image) {
   const int pad = topology_.is_glued() ? std::clamp(image.lines / 8, 1, kWindowLinesMax) : 0;
   moments_.build(image, topology_, usable_, pad);
   find_solid_angles();
-  find_normals();
+  local_.assign(image.size(), Local{});
   return true;
 }
 
@@ -164,38 +169,36 @@ void SegmentFrame::find_solid_angles() {
   }
 }
 
-void SegmentFrame::find_normals() {
-  normal_.assign(image_->size(), Eigen::Vector3f::Zero());
-  curvature_.assign(image_->size(), -1.0F);
+void SegmentFrame::find_local(std::size_t k) const {
+  Local& local = local_[k];
+  local.is_known = true;
+  if (usable_[k] == 0) { return; }
   const int lines = image_->lines;
   const int columns = image_->columns;
-  const int reach = topology_.is_glued() ? moments_.pad() : std::clamp(lines / 8, 1, kWindowLinesMax);
-  for (int i = 0; i < lines; ++i) {
-    for (int j = 0; j < columns; ++j) {
-      const std::size_t k = image_->index(i, j);
-      if (usable_[k] == 0) { continue; }
-      // Support radius: wide enough that the noise leaves a direction of a few degrees.
-      const double r = static_cast<double>(image_->range_m[k]);
-      const double support = std::max(0.05, 0.02 * r) + (2.0 * range_sigma_);
-      const double along = r * image_->step_rad;
-      const double across = static_cast<double>(solid_angle_[k]) * r / image_->step_rad;
-      const int hj = std::clamp(static_cast<int>(std::ceil(support / along)), 1, kWindowColumnsMax);
-      const int hi = across * reach > support ? std::max(1, static_cast<int>(std::ceil(support / across))) : reach;
-      const int low = topology_.is_glued() ? i - hi : std::max(0, i - hi);
-      const int high = topology_.is_glued() ? i + hi + 1 : std::min(lines, i + hi + 1);
-      const Moments m = moments_.sum(low, high, std::max(0, j - hj), std::min(columns, j + hj + 1));
-      if (m.count < 6.0) { continue; }
-      const QuickPlane plane = fit_quick(m);
-      const double total = plane.lambda.sum();
-      curvature_[k] = total > 0.0 ? static_cast<float>(plane.lambda[0] / total) : 0.0F;
-      const double expected = variance(k, plane.normal).total();
-      constexpr double kPlanar = 2.25;
-      constexpr double kSettled = 0.15;  // rad, standard deviation of the direction
-      const bool planar = plane.lambda[0] < kPlanar * expected * (m.count - 3.0);
-      const bool settled = expected < kSettled * kSettled * plane.lambda[1];
-      if (planar && settled) { normal_[k] = plane.normal.cast<float>(); }
-    }
-  }
+  const int i = line_of(k);
+  const int j = column_of(k);
+  const bool is_glued = topology_.is_glued();
+  const int reach = is_glued ? moments_.pad() : std::clamp(lines / 8, 1, kWindowLinesMax);
+  // Support radius: wide enough that the noise leaves a direction of a few degrees.
+  const double r = static_cast<double>(image_->range_m[k]);
+  const double support = std::max(0.05, 0.02 * r) + (2.0 * range_sigma_);
+  const double along = r * image_->step_rad;
+  const double across = static_cast<double>(solid_angle_[k]) * r / image_->step_rad;
+  const int hj = std::clamp(static_cast<int>(std::ceil(support / along)), 1, kWindowColumnsMax);
+  const int hi = across * reach > support ? std::max(1, static_cast<int>(std::ceil(support / across))) : reach;
+  const int low = is_glued ? i - hi : std::max(0, i - hi);
+  const int high = is_glued ? i + hi + 1 : std::min(lines, i + hi + 1);
+  const Moments m = moments_.sum(low, high, std::max(0, j - hj), std::min(columns, j + hj + 1));
+  if (m.count < 6.0) { return; }
+  const QuickPlane plane = fit_quick(m);
+  const double total = plane.lambda.sum();
+  local.curvature = total > 0.0 ? static_cast<float>(plane.lambda[0] / total) : 0.0F;
+  const double expected = variance(k, plane.normal).total();
+  constexpr double kPlanar = 2.25;
+  constexpr double kSettled = 0.15;  // rad, standard deviation of the direction
+  const bool planar = plane.lambda[0] < kPlanar * expected * (m.count - 3.0);
+  const bool settled = expected < kSettled * kSettled * plane.lambda[1];
+  if (planar && settled) { local.normal = plane.normal.cast<float>(); }
 }
 
 SegmentFrame::Variance SegmentFrame::variance(std::size_t k, const Vec3& normal) const {

@@ -40,10 +40,18 @@ class SegmentFrame {
   Vec3 tangent(std::size_t k) const { return tangent_[k].cast<double>(); }
   /// dx/du, the line's common turning error.
   Vec3 sweep(std::size_t k) const { return sweep_[k].cast<double>(); }
-  /// Zero when the neighbourhood is not planar.
-  const Eigen::Vector3f& normal(std::size_t k) const { return normal_[k]; }
-  /// Share of the smallest eigenvalue in the neighbourhood's scatter; negative when unknown.
-  float curvature(std::size_t k) const { return curvature_[k]; }
+  /// What the pixels around a pixel say about the surface there; computed when first asked for.
+  struct Local {
+    Eigen::Vector3f normal = Eigen::Vector3f::Zero();  ///< towards the sensor; zero when the surroundings are not planar
+    float curvature = -1.0F;  ///< share of the smallest eigenvalue in the scatter; negative when unknown
+    bool is_known = false;
+  };
+  const Local& local(std::size_t k) const {
+    if (!local_[k].is_known) { find_local(k); }
+    return local_[k];
+  }
+  /// Systematic bend of a surface that is not worth a cut, variance.
+  double flatness_variance() const { return flatness_variance_; }
   /// Solid angle of the pixel's cell.
   float solid_angle(std::size_t k) const { return solid_angle_[k]; }
   /// Range noise in use: the calibration's, or more when the image itself shows more.
@@ -66,7 +74,7 @@ class SegmentFrame {
   void mark_veils();
   void measure_noise();
   void find_tangents();
-  void find_normals();
+  void find_local(std::size_t k) const;
   void find_solid_angles();
 
   Calibration calibration_;
@@ -74,14 +82,14 @@ class SegmentFrame {
   RasterTopology topology_;
   MomentImage moments_;
   double range_sigma_ = 0.0;
+  double flatness_variance_ = 0.0;
   bool is_moving_ = false;
   int valid_count_ = 0;
   std::vector<std::uint8_t> valid_;
   std::vector<std::uint8_t> usable_;
   std::vector<Eigen::Vector3f> tangent_;
   std::vector<Eigen::Vector3f> sweep_;
-  std::vector<Eigen::Vector3f> normal_;
-  std::vector<float> curvature_;
+  mutable std::vector<Local> local_;
   std::vector<float> solid_angle_;
   std::vector<Mat6, Eigen::aligned_allocator<Mat6>> motion_;
   std::vector<double> scratch_;

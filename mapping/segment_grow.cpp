@@ -17,9 +17,9 @@ constexpr int kSurroundedBy = 6;
 /// How many standard deviations pixel k is away from the region's plane; large when its surface faces another way.
 double deviation(const SegmentFrame& frame, const Region& region, std::size_t k) {
   constexpr double kNever = 1e9;
-  const Eigen::Vector3f& normal = frame.normal(k);
+  const Eigen::Vector3f& normal = frame.local(k).normal;
   if (normal.squaredNorm() > 0.5F && normal.dot(region.plane.normal.cast<float>()) < kNormalCosine) { return kNever; }
-  const double variance = frame.variance(k, region.plane.normal).total() + (kFlatness_m * kFlatness_m);
+  const double variance = frame.variance(k, region.plane.normal).total() + frame.flatness_variance();
   return std::abs(region.plane.distance(frame.point(k))) / std::sqrt(variance);
 }
 
@@ -47,6 +47,19 @@ Around look_around(const SegmentFrame& frame, const Labels& labels, std::size_t 
     around.times[s] = 1;
   });
   return around;
+}
+
+/// All eight neighbours carry the pixel's own label; only asked away from the raster's ends.
+bool is_deep_inside(const SegmentFrame& frame, const Labels& labels, std::size_t k) {
+  const int i = frame.line_of(k);
+  const int j = frame.column_of(k);
+  const auto width = static_cast<std::size_t>(frame.image().columns);
+  if (i == 0 || i + 1 == frame.image().lines || j == 0 || j + 1 == frame.image().columns) { return false; }
+  const std::int32_t own = labels[k];
+  const auto row_is_own = [&labels, own](std::size_t middle) {
+    return labels[middle - 1] == own && labels[middle] == own && labels[middle + 1] == own;
+  };
+  return row_is_own(k - width) && row_is_own(k) && row_is_own(k + width);
 }
 
 struct Choice {
@@ -81,6 +94,36 @@ void refit(const SegmentFrame& frame, std::vector<Region>& regions, const Labels
   }
 }
 
+void dissolve_slivers(const SegmentFrame& frame, std::vector<Region>& regions, Labels& labels) {
+  constexpr double kLargest = 1000.0;     // pixels; nothing larger is a sliver
+  constexpr double kExplainedShare = 0.8;
+  std::vector<std::vector<std::int32_t>> larger(regions.size());
+  const auto count = [&regions](std::int32_t r) { return regions[static_cast<std::size_t>(r)].moments.count; };
+  for (const auto& [a, b] : find_edges(frame, labels)) {
+    const bool a_is_smaller = count(a) < count(b);
+    const std::int32_t small = a_is_smaller ? a : b;
+    if (count(small) <= kLargest) { larger[static_cast<std::size_t>(small)].push_back(a_is_smaller ? b : a); }
+  }
+  std::vector<double> explained(regions.size(), 0.0);
+  for (std::size_t k = 0; k < labels.size(); ++k) {
+    if (labels[k] == kNoLabel) { continue; }
+    const auto own = static_cast<std::size_t>(labels[k]);
+    const bool is_explained = std::any_of(larger[own].begin(), larger[own].end(), [&](std::int32_t r) {
+      return deviation(frame, regions[static_cast<std::size_t>(r)], k) <= kJoin;
+    });
+    explained[own] += is_explained ? 1.0 : 0.0;
+  }
+  for (std::int32_t& label : labels) {
+    if (label == kNoLabel) { continue; }
+    Region& region = regions[static_cast<std::size_t>(label)];
+    if (!larger[static_cast<std::size_t>(label)].empty() &&
+        explained[static_cast<std::size_t>(label)] >= kExplainedShare * region.moments.count) {
+      region.is_alive = false;
+      label = kNoLabel;
+    }
+  }
+}
+
 void grow(const SegmentFrame& frame, const std::vector<Region>& regions, Labels& labels) {
   std::deque<std::size_t> front;
   std::vector<std::uint8_t> is_queued(labels.size(), 0);
@@ -93,7 +136,7 @@ void grow(const SegmentFrame& frame, const std::vector<Region>& regions, Labels&
     });
   };
   for (std::size_t k = 0; k < labels.size(); ++k) {
-    if (labels[k] != kNoLabel) { enqueue_around(k); }
+    if (labels[k] != kNoLabel && !is_deep_inside(frame, labels, k)) { enqueue_around(k); }
   }
   while (!front.empty()) {
     const std::size_t k = front.front();
@@ -113,7 +156,12 @@ void refine_borders(const SegmentFrame& frame, const std::vector<Region>& region
   for (std::size_t k = 0; k < labels.size(); ++k) {
     const std::int32_t own = before[k];
     if (own == kNoLabel) { continue; }
-    const double d_own = deviation(frame, regions[static_cast<std::size_t>(own)], k);
+    const Region& region = regions[static_cast<std::size_t>(own)];
+    if (is_deep_inside(frame, before, k) &&
+        std::abs(region.plane.distance(frame.point(k))) < kSurrounded * std::sqrt(frame.flatness_variance())) {
+      continue;
+    }
+    const double d_own = deviation(frame, region, k);
     const Around around = look_around(frame, before, k);
     int same = 0;
     for (int c = 0; c < around.count; ++c) {

@@ -10,6 +10,12 @@ namespace {
 
 using Edge = std::pair<std::int32_t, std::int32_t>;
 
+/// What may differ within one surface.
+struct Limits {
+  double flatness_variance;
+  double angle_max_rad;
+};
+
 /// Variance with which `plane` predicts its own height at x.
 double prediction_variance(const QuickPlane& plane, double own_variance, const Vec3& x) {
   const Vec3 q = x - plane.centroid;
@@ -28,8 +34,8 @@ double direction_sigma(const QuickPlane& plane, double variance) {
 /// Could all points of the part belong to the plane? Mean height, spread about the plane and direction are each held
 /// against what noise allows [maths (5.1), floor form].
 template <typename Part>
-bool is_part_of(const Part& part, const QuickPlane& plane, double plane_variance, double angle_max_rad) {
-  const double floor = kFlatness_m * kFlatness_m;
+bool is_part_of(const Part& part, const QuickPlane& plane, double plane_variance, const Limits& limits) {
+  const double floor = limits.flatness_variance;
   const double offset = plane.distance(part.plane.centroid);
   const double predicted = prediction_variance(plane, plane_variance, part.plane.centroid);
   const double count = part.moments.count;
@@ -48,29 +54,7 @@ bool is_part_of(const Part& part, const QuickPlane& plane, double plane_variance
   constexpr double kBend_rad = 0.035;
   const double tolerance = (kGate * std::hypot(sigma, reference_sigma)) + kBend_rad;
   const double cosine = part.plane.normal.dot(plane.normal);
-  return cosine > std::cos(std::min(tolerance, angle_max_rad));
-}
-
-/// Pairs of labels that touch, each once, smaller first, in order.
-std::vector<Edge> find_edges(const SegmentFrame& frame, const Labels& labels) {
-  std::vector<Edge> edges;
-  const RasterTopology& topology = frame.topology();
-  constexpr int kForward[4][2] = {{0, 1}, {1, -1}, {1, 0}, {1, 1}};
-  for (int i = 0; i < topology.lines(); ++i) {
-    for (int j = 0; j < topology.columns(); ++j) {
-      const std::int32_t a = labels[topology.index(i, j)];
-      if (a == kNoLabel) { continue; }
-      for (const auto& d : kForward) {
-        const RasterStep step = topology.at(i + d[0], j + d[1]);
-        if (!step.is_inside) { continue; }
-        const std::int32_t b = labels[topology.index(step.i, step.j)];
-        if (b != kNoLabel && b != a) { edges.emplace_back(std::min(a, b), std::max(a, b)); }
-      }
-    }
-  }
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  return edges;
+  return cosine > std::cos(std::min(tolerance, limits.angle_max_rad));
 }
 
 std::vector<std::vector<std::int32_t>> neighbours_of(const std::vector<Edge>& edges, std::size_t count) {
@@ -96,8 +80,8 @@ void absorb(Region& region, const Part& part) {
 class SeedGrowth {
  public:
   SeedGrowth(const std::vector<Facet>& facets, const std::vector<std::vector<std::int32_t>>& neighbours,
-             std::vector<std::int32_t>& owner, double angle_max_rad)
-      : facets_(facets), neighbours_(neighbours), owner_(owner), angle_max_rad_(angle_max_rad) {}
+             std::vector<std::int32_t>& owner, const Limits& limits)
+      : facets_(facets), neighbours_(neighbours), owner_(owner), limits_(limits) {}
 
   Region grow(std::int32_t seed, std::int32_t id) {
     const Facet& first = facets_[static_cast<std::size_t>(seed)];
@@ -130,7 +114,7 @@ class SeedGrowth {
       const auto n = static_cast<std::size_t>(next);
       if (owner_[n] != kNoLabel) { continue; }
       const double variance = region.own_variance + region.common_variance;
-      if (is_part_of(facets_[n], region.plane, variance, angle_max_rad_)) {
+      if (is_part_of(facets_[n], region.plane, variance, limits_)) {
         absorb(region, facets_[n]);
         owner_[n] = id;
         front_.push_back(next);
@@ -146,12 +130,40 @@ class SeedGrowth {
   const std::vector<Facet>& facets_;
   const std::vector<std::vector<std::int32_t>>& neighbours_;
   std::vector<std::int32_t>& owner_;
-  double angle_max_rad_;
+  Limits limits_;
   std::deque<std::int32_t> front_;
   std::vector<std::int32_t> refused_;
 };
 
 }  // namespace
+
+std::vector<Edge> find_edges(const SegmentFrame& frame, const Labels& labels) {
+  std::vector<Edge> edges;
+  const RasterTopology& topology = frame.topology();
+  constexpr int kForward[4][2] = {{0, 1}, {1, -1}, {1, 0}, {1, 1}};
+  for (int i = 0; i < topology.lines(); ++i) {
+    for (int j = 0; j < topology.columns(); ++j) {
+      const std::int32_t a = labels[topology.index(i, j)];
+      if (a == kNoLabel) { continue; }
+      const std::size_t k = topology.index(i, j);
+      const auto width = static_cast<std::size_t>(topology.columns());
+      const bool is_interior = j > 0 && j + 1 < topology.columns() && i + 1 < topology.lines();
+      if (is_interior && labels[k + 1] == a && labels[k + width - 1] == a && labels[k + width] == a &&
+          labels[k + width + 1] == a) {
+        continue;
+      }
+      for (const auto& d : kForward) {
+        const RasterStep step = topology.at(i + d[0], j + d[1]);
+        if (!step.is_inside) { continue; }
+        const std::int32_t b = labels[topology.index(step.i, step.j)];
+        if (b != kNoLabel && b != a) { edges.emplace_back(std::min(a, b), std::max(a, b)); }
+      }
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
+}
 
 void merge_facets(const SegmentFrame& frame, const SegmenterConfig& config, const std::vector<Facet>& facets,
                   std::vector<Region>& regions, Labels& labels) {
@@ -164,7 +176,7 @@ void merge_facets(const SegmentFrame& frame, const SegmenterConfig& config, cons
     return facets[static_cast<std::size_t>(a)].plane.lambda[1] > facets[static_cast<std::size_t>(b)].plane.lambda[1];
   });
   std::vector<std::int32_t> owner(facets.size(), kNoLabel);
-  SeedGrowth growth(facets, neighbours, owner, config.merge_angle_max_rad);
+  SeedGrowth growth(facets, neighbours, owner, {frame.flatness_variance(), config.merge_angle_max_rad});
   for (const std::int32_t seed : order) {
     if (owner[static_cast<std::size_t>(seed)] != kNoLabel) { continue; }
     regions.push_back(growth.grow(seed, static_cast<std::int32_t>(regions.size())));
@@ -190,6 +202,7 @@ void merge_regions(const SegmentFrame& frame, const SegmenterConfig& config, std
   };
   std::stable_sort(edges.begin(), edges.end(),
                    [&weight](const Edge& a, const Edge& b) { return weight(a) > weight(b); });
+  const Limits limits{frame.flatness_variance(), config.merge_angle_max_rad};
   bool changed = true;
   while (changed) {
     changed = false;
@@ -203,8 +216,8 @@ void merge_regions(const SegmentFrame& frame, const SegmenterConfig& config, std
       Region both = ra;
       absorb(both, rb);
       const double variance = both.own_variance + both.common_variance;
-      if (!is_part_of(ra, both.plane, variance, config.merge_angle_max_rad) ||
-          !is_part_of(rb, both.plane, variance, config.merge_angle_max_rad)) {
+      if (!is_part_of(ra, both.plane, variance, limits) ||
+          !is_part_of(rb, both.plane, variance, limits)) {
         continue;
       }
       ra = both;

@@ -2,6 +2,7 @@
 // The stages of the segmenter between the prepared image and the final planes [maths 5.3 - 5.5].
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "mapping/config.hpp"
@@ -30,9 +31,6 @@ struct Region {
 using Labels = std::vector<std::int32_t>;
 inline constexpr std::int32_t kNoLabel = -1;
 
-/// Systematic bend of a surface that is not worth a cut, standard deviation.
-inline constexpr double kFlatness_m = 0.003;
-
 /// Recursive split at the point farthest from the node's plane until nodes are planar or minimal; minimal nodes that
 /// are not planar stay without label (transparent). O(pixels log pixels).
 void split(const SegmentFrame& frame, std::vector<Facet>& facets, Labels& labels);
@@ -45,6 +43,13 @@ void merge_facets(const SegmentFrame& frame, const SegmenterConfig& config, cons
 /// Merges neighbouring regions that are one plane. Regions that were swallowed are not alive any more.
 void merge_regions(const SegmentFrame& frame, const SegmenterConfig& config, std::vector<Region>& regions,
                    Labels& labels);
+
+/// Takes the label from regions whose pixels their larger neighbours explain as well: slivers along creases, which fit
+/// any plane through the crease.
+void dissolve_slivers(const SegmentFrame& frame, std::vector<Region>& regions, Labels& labels);
+
+/// Pairs of labels that touch, each once, smaller first, in order.
+std::vector<std::pair<std::int32_t, std::int32_t>> find_edges(const SegmentFrame& frame, const Labels& labels);
 
 /// Assigns single pixels to the region beside them that explains them best, from the borders outwards.
 void grow(const SegmentFrame& frame, const std::vector<Region>& regions, Labels& labels);

@@ -92,7 +92,7 @@ Look Splitter::look(const Node& node, const QuickPlane& plane) const {
       if (!frame_.is_usable(k)) { continue; }
       const double e = plane.distance(frame_.point(k));
       const SegmentFrame::Variance v = frame_.variance(k, plane.normal);
-      const double ratio = e * e / (v.total() + (kFlatness_m * kFlatness_m));
+      const double ratio = e * e / (v.total() + frame_.flatness_variance());
       least_incidence = std::min(least_incidence, -plane.normal.dot(frame_.direction(k)));
       seen.own_variance += v.own;
       seen.common_variance += v.common;
@@ -128,7 +128,7 @@ bool Splitter::is_straight(const Node& node, const QuickPlane& plane, const Look
     if (m.count < 4.0) { continue; }
     const double offset = plane.distance(m.mean());
     const double variance =
-        (seen.own_variance / m.count) + (seen.common_variance / q.height()) + (kFlatness_m * kFlatness_m);
+        (seen.own_variance / m.count) + (seen.common_variance / q.height()) + frame_.flatness_variance();
     constexpr double kGate = 3.5;
     if (offset * offset > kGate * kGate * variance) { return false; }
   }

@@ -16,7 +16,7 @@ namespace {
 constexpr double kMaxDirectionSigma_rad = 0.05;
 /// Residuals beyond this many times the noise: not a plane.
 constexpr double kMaxRoughness = 1.6;
-constexpr int kRefinements = 3;
+constexpr int kRefinements = 2;
 
 }  // namespace
 
@@ -47,6 +47,7 @@ void Segmenter::Impl::find_regions() {
   merge_facets(frame, config, facets, regions, labels);
   for (int pass = 0; pass < kRefinements; ++pass) {
     merge_regions(frame, config, regions, labels);
+    dissolve_slivers(frame, regions, labels);
     grow(frame, regions, labels);
     refine_borders(frame, regions, labels);
     refit(frame, regions, labels);
@@ -90,7 +91,7 @@ void Segmenter::Impl::outline_patches(SurfaceView& view) {
     std::vector<CrackRing> rings = tracer.trace(label, components[c]);
     for (CrackRing& ring : rings) {
       add_shared_borders(label, ring, borders);
-      snap_to_creases(frame, planes, label, ring);
+      snap_to_creases(planes, label, ring);
     }
     PatchOutline outline;
     Patch patch;
@@ -112,10 +113,10 @@ SurfaceView Segmenter::segment(const RangeImage& image) {
   view.t_ref = image.t_ref;
   view.X_OV_ref = image.X_OV_ref;
   view.sensor_V = image.sensor_V;
-  view.lines = std::max(image.lines, 0);
-  view.columns = std::max(image.columns, 0);
-  view.labels.assign(static_cast<std::size_t>(view.lines) * static_cast<std::size_t>(view.columns), 0);
   if (!impl_->frame.prepare(image)) { return view; }
+  view.lines = image.lines;
+  view.columns = image.columns;
+  view.labels.assign(image.size(), 0);
   view.valid_pixels = impl_->frame.valid_count();
   impl_->find_regions();
   impl_->fit_components();

@@ -55,6 +55,16 @@ class RasterTopology {
   /// Calls visit(index) for each of the up to eight neighbours of (i, j), in a fixed order.
   template <typename Visitor>
   void for_each_neighbour8(int i, int j, Visitor&& visit) const {
+    if (i > 0 && i + 1 < lines_ && j > 0 && j + 1 < columns_) {
+      const std::size_t k = index(i, j);
+      const auto width = static_cast<std::size_t>(columns_);
+      for (const std::size_t middle : {k - width, k, k + width}) {
+        visit(middle - 1);
+        if (middle != k) { visit(middle); }
+        visit(middle + 1);
+      }
+      return;
+    }
     for (int di = -1; di <= 1; ++di) {
       for (int dj = -1; dj <= 1; ++dj) {
         if (di == 0 && dj == 0) { continue; }
