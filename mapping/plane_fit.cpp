@@ -125,6 +125,7 @@ void Fitter::propagate(PlaneFit& fit) const {
   Line36 motion(frame_.is_moving() ? lines : 0, Mat36::Zero());
   double sum_squares = 0.0;
   double chi2 = 0.0;
+  double rough = 0.0;
   for (std::size_t p = 0; p < pixels_.size(); ++p) {
     const std::size_t k = pixels_[p];
     const auto line = static_cast<std::size_t>(frame_.line_of(k));
@@ -138,11 +139,14 @@ void Fitter::propagate(PlaneFit& fit) const {
     }
     const double e = q.dot(normal_);
     sum_squares += e * e;
-    chi2 += e * e / std::max(frame_.variance(k, normal_).total(), 1e-12);
+    const double variance = std::max(frame_.variance(k, normal_).total(), 1e-12);
+    chi2 += e * e / variance;
+    rough += e * e / (variance + frame_.flatness_variance());
   }
   const auto count = static_cast<double>(pixels_.size());
   fit.rms_m = std::sqrt(sum_squares / count);
   fit.chi2_reduced = chi2 / std::max(count - 3.0, 1.0);
+  fit.roughness = std::sqrt(rough / count);
   fit.lambda = lambda_;
   // Noise that turned out larger than calibrated is believed.
   fit.noise = std::max(1.0, fit.chi2_reduced) * independent;

@@ -9,10 +9,11 @@
 namespace rosid::mapping {
 
 struct PlaneFit {
-  Plane plane;                ///< in V; covariance_independent = noise + turret + motion + systematic floor
-  Mat3 noise = Mat3::Zero();  ///< the same without the systematic floor
-  double rms_m = 0.0;         ///< of the residuals, equal weights
-  double chi2_reduced = 0.0;
+  Plane plane;                 ///< in V; covariance_independent = noise + turret + motion + systematic floor
+  Mat3 noise = Mat3::Zero();   ///< the same without the systematic floor
+  double rms_m = 0.0;          ///< of the residuals, equal weights
+  double chi2_reduced = 0.0;   ///< of the residuals against noise alone
+  double roughness = 0.0;      ///< rms of the residuals over noise and flatness together: about 1 or less for a plane
   Vec3 lambda = Vec3::Zero();  ///< eigenvalues of the weighted scatter, ascending, 1
 };
 

@@ -14,7 +14,7 @@ constexpr double kVeilAngle_rad = 0.14;
 constexpr double kMotionSigmaMax_m = 0.015;
 constexpr double kNoiseFactorMax = 2.5;
 /// Part of the systematic range error that varies over one surface, with incidence and distance.
-constexpr double kFlatnessShare = 0.5;
+constexpr double kFlatnessShare = 0.75;
 constexpr double kFlatnessMin_m = 0.003;
 constexpr std::size_t kNoiseSamplesMin = 200;
 constexpr int kWindowColumnsMax = 8;

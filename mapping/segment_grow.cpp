@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <numeric>
 
 #include "mapping/segment_regions.hpp"
 
@@ -95,7 +96,7 @@ void refit(const SegmentFrame& frame, std::vector<Region>& regions, const Labels
 }
 
 void dissolve_slivers(const SegmentFrame& frame, std::vector<Region>& regions, Labels& labels) {
-  constexpr double kLargest = 1000.0;     // pixels; nothing larger is a sliver
+  constexpr double kLargest = 1000.0;  // pixels; nothing larger is a sliver
   constexpr double kExplainedShare = 0.8;
   std::vector<std::vector<std::int32_t>> larger(regions.size());
   const auto count = [&regions](std::int32_t r) { return regions[static_cast<std::size_t>(r)].moments.count; };
@@ -104,23 +105,30 @@ void dissolve_slivers(const SegmentFrame& frame, std::vector<Region>& regions, L
     const std::int32_t small = a_is_smaller ? a : b;
     if (count(small) <= kLargest) { larger[static_cast<std::size_t>(small)].push_back(a_is_smaller ? b : a); }
   }
-  std::vector<double> explained(regions.size(), 0.0);
+  std::vector<std::vector<std::size_t>> members(regions.size());
   for (std::size_t k = 0; k < labels.size(); ++k) {
-    if (labels[k] == kNoLabel) { continue; }
-    const auto own = static_cast<std::size_t>(labels[k]);
-    const bool is_explained = std::any_of(larger[own].begin(), larger[own].end(), [&](std::int32_t r) {
-      return deviation(frame, regions[static_cast<std::size_t>(r)], k) <= kJoin;
-    });
-    explained[own] += is_explained ? 1.0 : 0.0;
-  }
-  for (std::int32_t& label : labels) {
-    if (label == kNoLabel) { continue; }
-    Region& region = regions[static_cast<std::size_t>(label)];
-    if (!larger[static_cast<std::size_t>(label)].empty() &&
-        explained[static_cast<std::size_t>(label)] >= kExplainedShare * region.moments.count) {
-      region.is_alive = false;
-      label = kNoLabel;
+    if (labels[k] != kNoLabel && !larger[static_cast<std::size_t>(labels[k])].empty()) {
+      members[static_cast<std::size_t>(labels[k])].push_back(k);
     }
+  }
+  // Largest first, so that only regions that stay can explain others.
+  std::vector<std::int32_t> order(regions.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](std::int32_t a, std::int32_t b) { return count(a) > count(b); });
+  for (const std::int32_t r : order) {
+    const auto& pixels = members[static_cast<std::size_t>(r)];
+    const auto& rivals = larger[static_cast<std::size_t>(r)];
+    const auto explained = std::count_if(pixels.begin(), pixels.end(), [&](std::size_t k) {
+      return std::any_of(rivals.begin(), rivals.end(), [&](std::int32_t rival) {
+        const Region& region = regions[static_cast<std::size_t>(rival)];
+        return region.is_alive && deviation(frame, region, k) <= kJoin;
+      });
+    });
+    if (pixels.empty() || static_cast<double>(explained) < kExplainedShare * static_cast<double>(pixels.size())) {
+      continue;
+    }
+    regions[static_cast<std::size_t>(r)].is_alive = false;
+    for (const std::size_t k : pixels) { labels[k] = kNoLabel; }
   }
 }
 

@@ -67,7 +67,7 @@ void Segmenter::Impl::fit_components() {
     PlaneFit fit;
     if (!fit_plane(frame, pixels, fit_quick(moments), fit)) { continue; }
     const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
-    const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.chi2_reduced < kMaxRoughness * kMaxRoughness;
+    const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness;
     if (!is_plane || element_area(frame, pixels, fit.plane.normal) < config.min_patch_area_m2) { continue; }
     fits.push_back(fit);
     kept.push_back(std::move(pixels));
