@@ -88,6 +88,7 @@ void read_slip(TableReader& table, SlipEvent& slip) {
 void read_vehicle(TableReader table, VehicleConfig& vehicle) {
   table.numbers("wheel_scale_error", vehicle.wheel_scale_error, {.min = -0.5, .max = 0.5});
   table.number("wheel_scale_std", vehicle.wheel_scale_std, {.min = 0.0, .max = 0.1});
+  table.number("wheel_difference_std", vehicle.wheel_difference_std, {.min = 0.0, .max = 0.1});
   table.number("track_error_m", vehicle.track_error_m, {.min = -0.2, .max = 0.2});
   table.number("track_std_m", vehicle.track_std_m, {.min = 0.0, .max = 0.05});
   table.number("wheel_noise_m_per_sqrt_m", vehicle.wheel_noise_m_per_sqrt_m, {.min = 0.0, .max = 0.5});

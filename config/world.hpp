@@ -149,8 +149,9 @@ struct SlipEvent {
 
 struct VehicleConfig {
   std::array<double, 2> wheel_scale_error{0.0, 0.0};  ///< true distance = reading * (1 + error)
-  double wheel_scale_std = 0.01;
-  double track_error_m = 0.0;  ///< true track = nominal + error
+  double wheel_scale_std = 0.01;                      ///< of the error common to both wheels
+  double wheel_difference_std = 0.003;                ///< of the right wheel's error less the left's
+  double track_error_m = 0.0;                         ///< true track = nominal + error
   double track_std_m = 0.002;
   double wheel_noise_m_per_sqrt_m = 0.005;
   double turn_slip_rad_per_sqrt_rad = 0.02;  ///< noise of the heading change the wheels feel

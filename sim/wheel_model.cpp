@@ -11,7 +11,9 @@ WheelModel::WheelModel(const config::World& world, const Drive& drive, std::uint
   const config::VehicleConfig& vehicle = world.vehicle;
   const RandomStream constants(seed, "wheel constants");
   for (std::size_t side = 0; side < 2; ++side) {
-    scale_error_[side] = vehicle.wheel_scale_error[side] + (vehicle.wheel_scale_std * constants.normal(side));
+    const double sense = side == 0 ? -0.5 : 0.5;
+    scale_error_[side] = vehicle.wheel_scale_error[side] + (vehicle.wheel_scale_std * constants.normal(0)) +
+                         (sense * vehicle.wheel_difference_std * constants.normal(1));
   }
   track_m_ = world.calibration.track_m + vehicle.track_error_m + (vehicle.track_std_m * constants.normal(2));
 
