@@ -328,8 +328,8 @@ std::vector<TableReader> TableReader::tables(std::string_view key) {
 
 bool TableReader::require(std::string_view key) {
   if (find(key) != nullptr) { return true; }
-  // After a syntax error every key is absent; saying so would bury the error.
-  if (document_->is_well_formed()) { issue(fmt::format("'{}' is missing", name_of(key))); }
+  // After a syntax error every key is absent; saying so would bury the error. Likewise in an absent table.
+  if (document_->is_well_formed() && table_ != nullptr) { issue(fmt::format("'{}' is missing", name_of(key))); }
   return false;
 }
 

@@ -98,7 +98,7 @@ class TableReader {
   /// Array of tables ([[key]] or key = [{...}]); a single table counts as an array of one.
   [[nodiscard]] std::vector<TableReader> tables(std::string_view key);
 
-  /// Adds an Issue when the key is absent. Returns whether it is there.
+  /// Adds an Issue when the key is absent from a present table. Returns whether it is there.
   bool require(std::string_view key);
   /// Adds an Issue at the key's value, or at the table when the key is absent.
   void issue_at(std::string_view key, const std::string& message);

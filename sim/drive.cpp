@@ -15,20 +15,24 @@ namespace {
 
 constexpr double kHighestStep_m = 0.06;  ///< a sudden rise of the ground that the vehicle cannot climb
 
-/// Height of a wheel's lowest point above the level it would have on flat ground: the disc rests on whatever it meets
-/// first, ahead of or behind its centre.
-std::optional<double> wheel_height(const Terrain& terrain, const Vec2& contact, const Vec2& forward, double radius_m) {
+struct WheelHeight {
+  double ground_m = 0.0;  ///< under its centre
+  double wheel_m = 0.0;   ///< of its lowest point: the disc rests on whatever it meets first, ahead or behind
+};
+
+std::optional<WheelHeight> wheel_height(const Terrain& terrain, const Vec2& contact, const Vec2& forward,
+                                        double radius_m) {
   const auto below = terrain.height_m(contact.x(), contact.y());
   if (!below) { return std::nullopt; }
-  double highest = *below;
+  WheelHeight height{.ground_m = *below, .wheel_m = *below};
   constexpr std::array<double, 8> kOffsets{-0.95, -0.7, -0.45, -0.2, 0.2, 0.45, 0.7, 0.95};
   for (const double offset : kOffsets) {
     const Vec2 at = contact + (offset * radius_m * forward);
     const auto z = terrain.height_m(at.x(), at.y());
     const double arc = radius_m * (1.0 - std::sqrt(1.0 - (offset * offset)));
-    if (z) { highest = std::max(highest, *z - arc); }
+    if (z) { height.wheel_m = std::max(height.wheel_m, *z - arc); }
   }
-  return highest;
+  return height;
 }
 
 /// Gaussian average over time, sigma in table steps; ends are continued.
@@ -101,6 +105,7 @@ Result<void> Drive::lay_on(const Terrain& terrain, const config::World& world) {
   std::array<std::vector<double>, 3> raw;  // left wheel, right wheel, caster
   const std::array<Vec2, 3> contact_V{Vec2(0.0, track / 2.0), Vec2(0.0, -track / 2.0), Vec2(caster_x, 0.0)};
   const std::array<double, 3> wheel_radius{radius, radius, radius / 2.0};
+  std::array<double, 3> ground_before{};
   PlanState before;
   for (std::size_t k = 0; k < nodes; ++k) {
     const PlanState state = motion_.at(static_cast<double>(k) * kNodeStep_s);
@@ -126,12 +131,13 @@ Result<void> Drive::lay_on(const Terrain& terrain, const config::World& world) {
             ErrorCode::InvalidArgument,
             fmt::format("the drive leaves the floor {}: extend a [[floor]] or move the way-points", where()));
       }
-      if (k > 0 && std::abs(*height - raw[wheel].back()) > kHighestStep_m) {
+      const double step = k > 0 ? std::abs(height->ground_m - ground_before[wheel]) : 0.0;
+      if (step > kHighestStep_m) {
         return make_error(ErrorCode::InvalidArgument,
-                          fmt::format("the drive meets a step of {:.2f} m {}: use a [[ramp]]",
-                                      std::abs(*height - raw[wheel].back()), where()));
+                          fmt::format("the drive meets a step of {:.2f} m {}: use a [[ramp]]", step, where()));
       }
-      raw[wheel].push_back(*height);
+      ground_before[wheel] = height->ground_m;
+      raw[wheel].push_back(height->wheel_m);
     }
   }
   const double sigma = world.vehicle.suspension_s / kNodeStep_s;

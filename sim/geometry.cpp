@@ -240,6 +240,7 @@ std::vector<std::array<std::size_t, 3>> triangulate(const std::vector<Vec2>& out
   const auto cross = [](const Vec2& o, const Vec2& a, const Vec2& b) {
     return ((a.x() - o.x()) * (b.y() - o.y())) - ((a.y() - o.y()) * (b.x() - o.x()));
   };
+  constexpr double kRounding_m2 = 1e-12;
   std::vector<std::size_t> rest(outline.size());
   for (std::size_t i = 0; i < rest.size(); ++i) { rest[i] = i; }
   std::vector<std::array<std::size_t, 3>> triangles;
@@ -249,11 +250,14 @@ std::vector<std::array<std::size_t, 3>> triangulate(const std::vector<Vec2>& out
     const Vec2& a = outline[t[0]];
     const Vec2& b = outline[t[1]];
     const Vec2& c = outline[t[2]];
-    if (cross(a, b, c) < 0.0) { return false; }
+    const double doubled_area = cross(a, b, c);
+    if (std::abs(doubled_area) <= kRounding_m2) { return true; }  // a corner of 180 degrees can always go
+    if (doubled_area < 0.0) { return false; }
+    // On the border counts as inside: a cut through another corner would overlap what remains.
     return std::ranges::none_of(rest, [&](std::size_t i) {
       if (std::ranges::find(t, i) != t.end()) { return false; }
       const Vec2& p = outline[i];
-      return cross(a, b, p) > 0.0 && cross(b, c, p) > 0.0 && cross(c, a, p) > 0.0;
+      return cross(a, b, p) >= -kRounding_m2 && cross(b, c, p) >= -kRounding_m2 && cross(c, a, p) >= -kRounding_m2;
     });
   };
   while (rest.size() > 3) {
