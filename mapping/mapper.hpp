@@ -1,8 +1,10 @@
 #pragma once
 // One call per view: match against the map, register, fuse.
 
+#include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 
 #include "base/calibration.hpp"
 #include "base/samples.hpp"
@@ -11,6 +13,9 @@
 #include "mapping/surface_map.hpp"
 
 namespace rosid::mapping {
+
+struct PoseBelief;
+struct PreparedPatch;
 
 /// Duration of each stage in seconds, for the record only: no result depends on it.
 struct StageTimes {
@@ -46,12 +51,22 @@ class Mapper {
  public:
   Mapper(const MappingConfig& config, const Calibration& calibration, Stopwatch stopwatch);
 
-  /// prior: the PoseEstimate whose stamp equals view.t_ref, as the estimator knows it now.
+  /// prior: the PoseEstimate whose stamp equals view.t_ref, as the estimator knows it now. Patches that are not finite,
+  /// have no area or no valid covariance are ignored; a prior that is not finite gives NoMatch.
   MapUpdate process(const SurfaceView& view, const PoseEstimate& prior);
 
+  /// Never null; without patches before the first view.
   MapSnapshot map() const { return map_; }
 
  private:
+  struct Attempt;
+
+  double now_s() const { return stopwatch_ ? stopwatch_() : 0.0; }
+  Attempt register_view(std::span<const PreparedPatch> view, std::span<const PreparedPatch> map,
+                        const PoseBelief& prior, const Vec3& sensor_V, StageTimes& times) const;
+  void fuse(const SurfaceView& view, std::span<const PreparedPatch> prepared, const Attempt& attempt,
+            MapUpdate& update);
+
   MappingConfig config_;
   Calibration calibration_;
   Stopwatch stopwatch_;

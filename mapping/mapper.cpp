@@ -1,0 +1,229 @@
+#include "mapping/mapper.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mapping/fusion.hpp"
+#include "mapping/matcher.hpp"
+#include "mapping/polygon.hpp"
+#include "mapping/visibility_check.hpp"
+
+namespace rosid::mapping {
+namespace {
+
+constexpr double kInnovationProbability = 0.999;
+constexpr double kMinViewConfidence = 0.3;
+constexpr double kMinConsistentShare = 0.5;
+// Directions that only the prior determines need a view that does not contradict the map.
+constexpr double kMaxConflictShare = 0.15;
+// A view without match is placed by the prior alone when that is about as good as a registration.
+constexpr double kBlindPositionSigma_m = 0.2;
+constexpr double kBlindAngleSigma_rad = 0.035;
+constexpr double kMinArea_m2 = 1e-4;
+
+bool is_usable(const Plane& plane) {
+  constexpr double kOrthonormal = 1e-6;
+  Mat3 axes;
+  axes << plane.e2, plane.e3, plane.normal;
+  if (!axes.allFinite() || !plane.centroid.allFinite() || !plane.covariance_independent.allFinite()) { return false; }
+  if (!(axes.transpose() * axes - Mat3::Identity()).isZero(kOrthonormal) || !(axes.determinant() > 0.0)) {
+    return false;
+  }
+  const Eigen::LLT<Mat3> factor(plane.covariance_independent);
+  return factor.info() == Eigen::Success;
+}
+
+/// The view's patches that mapping can compute with.
+std::vector<Patch> usable_patches(const SurfaceView& view) {
+  std::vector<Patch> result;
+  result.reserve(view.patches.size());
+  for (const Patch& patch : view.patches) {
+    if (!is_usable(patch.plane)) { continue; }
+    const auto is_bad = [](const Ring& ring) {
+      return ring.vertices.size() < 3 || !std::all_of(ring.vertices.begin(), ring.vertices.end(),
+                                                      [](const Vec2& v) { return v.allFinite(); });
+    };
+    if (std::any_of(patch.outer.begin(), patch.outer.end(), is_bad) ||
+        std::any_of(patch.inner.begin(), patch.inner.end(), is_bad)) {
+      continue;
+    }
+    Patch clean = patch;
+    clean.plane.covariance_correlated.setZero();
+    if (!(clean.attributes.area_m2 > kMinArea_m2) || !std::isfinite(clean.attributes.area_m2)) { continue; }
+    if (!std::isfinite(clean.attributes.rms_m)) { clean.attributes.rms_m = 0.0; }
+    if (!std::isfinite(clean.attributes.normal_cone_rad)) { clean.attributes.normal_cone_rad = 0.0; }
+    result.push_back(std::move(clean));
+  }
+  return result;
+}
+
+std::optional<PoseBelief> belief_of(const PoseEstimate& prior) {
+  constexpr double kUnit = 1e-3;
+  RigidTransform X_WV = to_transform(prior.X_WV);
+  const Mat6 covariance = to_mat6(prior.covariance_W);
+  if (!X_WV.p.allFinite() || !X_WV.q.coeffs().allFinite() || std::abs(X_WV.q.norm() - 1.0) > kUnit ||
+      !covariance.allFinite() || covariance.diagonal().minCoeff() < 0.0) {
+    return std::nullopt;
+  }
+  X_WV.q.normalize();
+  PoseBelief belief = belief_from_border(X_WV, covariance);
+  belief.covariance_left = positive_part(belief.covariance_left);
+  return belief;
+}
+
+bool is_good_enough_alone(const PoseBelief& belief) {
+  const double angle = belief.covariance_left.diagonal().head<3>().maxCoeff();
+  const double position = belief.covariance_left.diagonal().tail<3>().maxCoeff();
+  return angle <= kBlindAngleSigma_rad * kBlindAngleSigma_rad &&
+         position <= kBlindPositionSigma_m * kBlindPositionSigma_m;
+}
+
+SurfaceFix make_fix(const SurfaceView& view, const Registration& registration, std::size_t pairs, double confidence) {
+  SurfaceFix fix;
+  fix.t_view = view.t_ref;
+  fix.view_id = view.view_id;
+  fix.X_WV = to_pose3(registration.X_WV);
+  fix.information = to_flat(registration.information_border);
+  fix.covariance_correlated = to_flat(registration.correlated_border);
+  fix.null_directions = to_flat(registration.null_directions);
+  fix.null_count = static_cast<std::uint8_t>(registration.null_count);
+  fix.pair_count = static_cast<std::uint16_t>(std::min<std::size_t>(pairs, UINT16_MAX));
+  fix.chi2 = registration.chi2;
+  fix.chi2_dof = registration.chi2_dof;
+  fix.confidence = confidence;
+  return fix;
+}
+
+}  // namespace
+
+const char* to_cstr(ViewOutcome outcome) {
+  switch (outcome) {
+    case ViewOutcome::FirstView: return "first_view";
+    case ViewOutcome::Registered: return "registered";
+    case ViewOutcome::Degenerate: return "degenerate";
+    case ViewOutcome::NoMatch: return "no_match";
+    case ViewOutcome::Rejected: return "rejected";
+  }
+  return "unknown";
+}
+
+struct Mapper::Attempt {
+  ViewOutcome outcome = ViewOutcome::NoMatch;
+  bool may_fuse = false;
+  std::vector<PatchMatch> matches;
+  std::vector<double> confidence;
+  double mean_confidence = 0.0;
+  Registration registration;
+  PoseBelief pose;  ///< places the view's patches
+};
+
+Mapper::Mapper(const MappingConfig& config, const Calibration& calibration, Stopwatch stopwatch)
+    : config_(config), calibration_(calibration), stopwatch_(std::move(stopwatch)) {
+  SurfaceMap empty;
+  empty.calibration_hash = calibration_hash(calibration);
+  map_ = std::make_shared<const SurfaceMap>(std::move(empty));
+}
+
+Mapper::Attempt Mapper::register_view(std::span<const PreparedPatch> view, std::span<const PreparedPatch> map,
+                                      const PoseBelief& prior, const Vec3& sensor_V, StageTimes& times) const {
+  const SystematicFloor floor = systematic_floor(calibration_);
+  const std::span<const MapPatch> map_patches = map_->patches;
+  Attempt attempt;
+  attempt.pose = prior;
+  const double t_start = now_s();
+  const Matcher matcher(config_.matcher, view, map, map_patches);
+  Matcher::Tracking tracking = matcher.track(prior, floor);
+  const GroupedPairs grouped = grouped_pairs(tracking.matches, view, map_patches, floor);
+  const double t_matched = now_s();
+  times.match_s = t_matched - t_start;
+  attempt.matches = std::move(tracking.matches);
+  const bool has_pairs = grouped.pairs.size() >= static_cast<std::size_t>(std::max(config_.matcher.min_pairs, 1));
+  if (has_pairs) {
+    attempt.registration = register_planes(grouped.pairs, prior, tracking.belief.X_WV);
+    attempt.pose = attempt.registration.posterior;
+  }
+  double weight = 0.0;
+  for (const PatchMatch& match : attempt.matches) {
+    const double confidence = pair_confidence(view[match.view], map[match.map], map_patches[match.map], attempt.pose,
+                                              config_.fusion.snap_distance_m);
+    const double area = view[match.view].patch->attributes.area_m2;
+    attempt.confidence.push_back(confidence);
+    attempt.mean_confidence += area * confidence;
+    weight += area;
+  }
+  if (weight > 0.0) { attempt.mean_confidence /= weight; }
+  const Evidence evidence = weigh_view(view, map, map_patches, attempt.matches, attempt.pose, sensor_V);
+  times.register_s = now_s() - t_matched;
+
+  const bool fits = evidence.consistent_share() >= kMinConsistentShare;
+  const bool has_no_conflict = fits && evidence.conflict_share() <= kMaxConflictShare;
+  if (!has_pairs) {
+    attempt.may_fuse = has_no_conflict && is_good_enough_alone(prior);
+    return attempt;
+  }
+  const int dof = 6 - attempt.registration.null_count;
+  const bool is_expected =
+      dof == 0 || attempt.registration.innovation2 <= chi2_quantile(kInnovationProbability, static_cast<double>(dof));
+  const bool is_trusted = is_expected && attempt.mean_confidence >= kMinViewConfidence;
+  attempt.may_fuse = is_trusted && (dof == 6 ? fits : has_no_conflict);
+  if (!attempt.may_fuse) {
+    attempt.outcome = ViewOutcome::Rejected;
+  } else {
+    attempt.outcome = dof == 6 ? ViewOutcome::Registered : ViewOutcome::Degenerate;
+  }
+  return attempt;
+}
+
+void Mapper::fuse(const SurfaceView& view, std::span<const PreparedPatch> prepared, const Attempt& attempt,
+                  MapUpdate& update) {
+  const double t_start = now_s();
+  FusionSettings settings;
+  settings.config = config_.fusion;
+  settings.floor = systematic_floor(calibration_);
+  settings.field.sensor_V = view.sensor_V;
+  settings.field.axis_V = mount_transform(calibration_).q * Vec3::UnitZ();
+  settings.field.half_opening_rad = 0.5 * config_.assembler.opening_rad;
+  settings.field.range_max_m = config_.assembler.range_max_m;
+  SurfaceMap next = *map_;
+  const FusionReport report =
+      fuse_view({prepared, attempt.matches, attempt.confidence, attempt.pose, view.t_ref}, settings, next);
+  ++next.version;
+  ++next.views_fused;
+  next.t = view.t_ref;
+  update.new_patches = report.added;
+  map_ = std::make_shared<const SurfaceMap>(std::move(next));
+  update.times.fuse_s = now_s() - t_start;
+}
+
+MapUpdate Mapper::process(const SurfaceView& view, const PoseEstimate& prior) {
+  MapUpdate update;
+  update.view_id = view.view_id;
+  update.map = map_;
+  const std::optional<PoseBelief> belief = belief_of(prior);
+  const std::vector<Patch> patches = usable_patches(view);
+  if (!belief || patches.empty() || !view.sensor_V.allFinite()) { return update; }
+  const std::vector<PreparedPatch> prepared = prepare(patches);
+  Attempt attempt;
+  if (map_->patches.empty()) {
+    attempt.outcome = ViewOutcome::FirstView;
+    attempt.may_fuse = true;
+    attempt.pose = *belief;
+  } else {
+    const std::vector<PreparedPatch> prepared_map = prepare(map_->patches);
+    attempt = register_view(prepared, prepared_map, *belief, view.sensor_V, update.times);
+  }
+  update.outcome = attempt.outcome;
+  update.matched_pairs = static_cast<int>(attempt.matches.size());
+  if (attempt.may_fuse) { fuse(view, prepared, attempt, update); }
+  const bool is_registered =
+      attempt.outcome == ViewOutcome::Registered || attempt.outcome == ViewOutcome::Degenerate;
+  if (is_registered && attempt.registration.null_count < 6) {
+    update.fix = make_fix(view, attempt.registration, attempt.matches.size(), attempt.mean_confidence);
+  }
+  update.map = map_;
+  return update;
+}
+
+}  // namespace rosid::mapping

@@ -1,0 +1,367 @@
+#include "mapping/registration.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace rosid::mapping {
+namespace {
+
+// Squared Mahalanobis distance beyond which a pair loses weight: chi-square, 3 dof, 99 %.
+constexpr double kHuber2 = 11.34;
+constexpr int kMaxSteps = 12;
+constexpr double kConverged = 1e-9;
+constexpr double kNullPriorSigmas = 5.0;
+constexpr double kNullNoiseSigmas = 3.0;
+constexpr double kMinRadius_m = 1.0;
+constexpr double kInflationProbability = 0.99;
+// Keeps the inverse of a prior that claims to be exact well conditioned.
+constexpr double kExactRotation_rad = 1e-6;
+constexpr double kExactPosition_m = 1e-6;
+constexpr int kOmegaSteps = 40;
+
+Mat6 symmetrised(const Mat6& m) {
+  return 0.5 * (m + m.transpose());
+}
+
+Mat6 regularised(const Mat6& covariance) {
+  Mat6 m = covariance;
+  m.diagonal().head<3>().array() += kExactRotation_rad * kExactRotation_rad;
+  m.diagonal().tail<3>().array() += kExactPosition_m * kExactPosition_m;
+  return m;
+}
+
+void apply_left(RigidTransform& X, const Vec6& d) {
+  X.q = so3_exp(d.head<3>()) * X.q;
+  X.q.normalize();
+  X.p += d.tail<3>();
+}
+
+Vec6 left_difference(const RigidTransform& from, const RigidTransform& to) {
+  Vec6 d;
+  d.head<3>() = so3_log(to.q * from.q.conjugate());
+  d.tail<3>() = to.p - from.p;
+  return d;
+}
+
+struct Normals {
+  Mat6 H = Mat6::Zero();
+  Vec6 g = Vec6::Zero();
+};
+
+/// Robust information of one pair: Huber weight times the inverse of c.
+Mat3 robust_information(const Vec3& r, const Mat3& c) {
+  const Mat3 inverse = c.inverse();
+  const double d2 = r.dot(inverse * r);
+  return d2 <= kHuber2 ? inverse : Mat3(std::sqrt(kHuber2 / d2) * inverse);
+}
+
+/// Inherited pose errors of the pairs, split for weighting: what all share does not change relative weights, the excess
+/// over the most accurate patch does.
+struct Inheritance {
+  std::vector<Mat6> decoupled;
+  std::vector<Mat6> excess;
+};
+
+Inheritance inheritance(std::span<const PlanePair> pairs, const Vec3& p_WV) {
+  Inheritance result;
+  const Mat6 T = decoupled_from_origin(p_WV);
+  double smallest = std::numeric_limits<double>::max();
+  Mat6 common = Mat6::Zero();
+  for (const PlanePair& pair : pairs) {
+    result.decoupled.push_back(symmetrised(T * pair.inherited * T.transpose()));
+    const double size = result.decoupled.back().trace();
+    if (size < smallest) {
+      smallest = size;
+      common = result.decoupled.back();
+    }
+  }
+  for (const Mat6& m : result.decoupled) {
+    const Mat6 difference = m - common;
+    result.excess.push_back(difference.isZero(0.0) ? Mat6(Mat6::Zero()) : positive_part(difference));
+  }
+  return result;
+}
+
+Normals accumulate(std::span<const PlanePair> pairs, const Inheritance& inherited, const RigidTransform& X) {
+  Normals n;
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    const PairTerms t = linearise(pairs[k], X);
+    const Mat3 c = t.C_view + t.C_map + t.J * inherited.excess[k] * t.J.transpose();
+    const Eigen::Matrix<double, 6, 3> JtW = t.J.transpose() * robust_information(t.r, c);
+    n.H += JtW * t.J;
+    n.g += JtW * t.r;
+  }
+  return n;
+}
+
+/// Everything the split of the covariance needs, at the final linearisation.
+struct Sums {
+  Mat6 H = Mat6::Zero();
+  Vec6 g = Vec6::Zero();
+  Mat6 H_independent = Mat6::Zero();  ///< J^T W C W J of errors new to the pose
+  Mat6 H_known = Mat6::Zero();        ///< same of map errors earlier fixes have used
+  Mat6 H_coherent = Mat6::Zero();     ///< sum of J^T W J sqrt(inherited)
+  Mat6 H_feigned = Mat6::Zero();      ///< information that errors of the normals feign
+  double chi2 = 0.0;
+};
+
+Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, const RigidTransform& X) {
+  Sums s;
+  const Mat3 R = X.rotation();
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    const PairTerms t = linearise(pairs[k], X);
+    const Mat3 c = t.C_view + t.C_map + t.J * inherited.excess[k] * t.J.transpose();
+    const Mat3 W = robust_information(t.r, c);
+    const Eigen::Matrix<double, 6, 3> JtW = t.J.transpose() * W;
+    s.H += JtW * t.J;
+    s.g += JtW * t.r;
+    s.H_independent += JtW * t.C_view * JtW.transpose();
+    (pairs[k].was_used ? s.H_known : s.H_independent) += JtW * t.C_map * JtW.transpose();
+    if (!inherited.decoupled[k].isZero(0.0)) { s.H_coherent += JtW * t.J * symmetric_sqrt(inherited.decoupled[k]); }
+    s.chi2 += std::min(mahalanobis2(t.r, c), 1e6);
+    const Mat32 B = tangent(pairs[k].map_W);
+    for (int m = 0; m < 2; ++m) {
+      const Vec3 dn = std::sqrt(std::max(t.C_view(m, m) + t.C_map(m, m), 0.0)) * B.col(m);
+      Vec6 row;
+      row << (R * pairs[k].view_V.centroid).cross(dn), dn;
+      s.H_feigned += W(2, 2) * row * row.transpose();
+    }
+  }
+  return s;
+}
+
+/// Coordinates y = (L dphi, dt) in which all six have the unit metre; S takes y to the decoupled error.
+Mat6 scale_matrix(std::span<const PlanePair> pairs) {
+  double sum = 0.0;
+  for (const PlanePair& pair : pairs) { sum += pair.view_V.centroid.squaredNorm(); }
+  const double mean = pairs.empty() ? 0.0 : sum / static_cast<double>(pairs.size());
+  const double radius = std::max(kMinRadius_m, std::sqrt(mean));
+  Vec6 scale = Vec6::Ones();
+  scale.head<3>().setConstant(1.0 / radius);
+  return scale.asDiagonal();
+}
+
+/// Eigen-directions of the scaled information, observable ones last.
+struct Subspace {
+  Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> null;
+  Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> seen;
+};
+
+Subspace observable(const Mat6& H, const Mat6& feigned, const Mat6& prior) {
+  const Eigen::SelfAdjointEigenSolver<Mat6> solver(symmetrised(H));
+  std::vector<Eigen::Index> null;
+  std::vector<Eigen::Index> seen;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    const Vec6 u = solver.eigenvectors().col(k);
+    const double information = solver.eigenvalues()(k);
+    const double prior_variance = u.dot(prior * u);
+    const bool is_weak = information * kNullPriorSigmas * kNullPriorSigmas * prior_variance < 1.0;
+    const bool is_feigned = information < kNullNoiseSigmas * kNullNoiseSigmas * u.dot(feigned * u);
+    (is_weak || is_feigned || !(information > 0.0) ? null : seen).push_back(k);
+  }
+  Subspace space;
+  space.null.resize(6, static_cast<Eigen::Index>(null.size()));
+  space.seen.resize(6, static_cast<Eigen::Index>(seen.size()));
+  for (std::size_t k = 0; k < null.size(); ++k) {
+    space.null.col(static_cast<Eigen::Index>(k)) = solver.eigenvectors().col(null[k]);
+  }
+  for (std::size_t k = 0; k < seen.size(); ++k) {
+    space.seen.col(static_cast<Eigen::Index>(k)) = solver.eigenvectors().col(seen[k]);
+  }
+  return space;
+}
+
+using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
+using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
+
+/// Measurement of the observable coordinates: value relative to the prior and its covariance in two parts.
+struct Reduced {
+  SmallVector value;
+  Small independent;
+  Small correlated;
+};
+
+/// Split covariance intersection of the prior with the reduced measurement (scaled coordinates). The prior is inflated
+/// along the observable directions only: a direction the pairs do not see keeps what the prior knows.
+struct Fused {
+  Vec6 y = Vec6::Zero();
+  Mat6 P = Mat6::Zero();
+};
+
+Fused fuse_at(const Mat6& prior, const Subspace& space, const Reduced& z, double omega) {
+  const Mat6 D = space.null * space.null.transpose() + space.seen * space.seen.transpose() / std::sqrt(omega);
+  const Mat6 P = D * prior * D;
+  const Small R = z.independent + z.correlated / (1.0 - omega);
+  const Small S = space.seen.transpose() * P * space.seen + R;
+  const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> K =
+      P * space.seen * S.ldlt().solve(Small::Identity(S.rows(), S.cols()));
+  const Mat6 A = Mat6::Identity() - K * space.seen.transpose();
+  return {K * z.value, symmetrised(A * P * A.transpose() + K * R * K.transpose())};
+}
+
+Fused fuse(const Mat6& prior, const Subspace& space, const Reduced& z) {
+  Fused best;
+  double best_log_det = std::numeric_limits<double>::max();
+  const bool is_independent = z.correlated.isZero(0.0);
+  for (int k = 1; k < kOmegaSteps; ++k) {
+    const double omega = is_independent ? 1.0 - 1e-9 : static_cast<double>(k) / kOmegaSteps;
+    const Fused candidate = fuse_at(prior, space, z, omega);
+    const double log_det = std::log(std::max(candidate.P.determinant(), std::numeric_limits<double>::min()));
+    if (log_det < best_log_det) {
+      best_log_det = log_det;
+      best = candidate;
+    }
+    if (is_independent) { break; }
+  }
+  return best;
+}
+
+/// Independent and coherent covariance of the pairs' solution on the observable directions (scaled coordinates).
+Reduced reduce(const Sums& s, const Subspace& space, const Mat6& S, const Vec6& y_linearised) {
+  const auto& U = space.seen;
+  const Small information = U.transpose() * S * s.H * S * U;
+  const Small G = information.ldlt().solve(Small::Identity(information.rows(), information.cols()));
+  const auto sandwich = [&](const Mat6& middle) {
+    const Small m = G * (U.transpose() * S * middle * S * U) * G;
+    return Small(0.5 * (m + m.transpose()));
+  };
+  Reduced z;
+  z.value = U.transpose() * y_linearised - G * (U.transpose() * S * s.g);
+  z.independent = sandwich(s.H_independent);
+  z.correlated = sandwich(s.H_known) + sandwich(s.H_coherent * s.H_coherent.transpose());
+  return z;
+}
+
+/// Null directions as orthonormal rows in border order.
+void set_null_directions(const Subspace& space, const Mat6& border_from_scaled, Registration& result) {
+  result.null_count = static_cast<int>(space.null.cols());
+  result.null_directions.setZero();
+  for (int k = 0; k < result.null_count; ++k) {
+    Vec6 d = border_from_scaled * space.null.col(k);
+    for (int repeat = 0; repeat < 2; ++repeat) {
+      d.normalize();
+      for (int j = 0; j < k; ++j) {
+        const Vec6 other = result.null_directions.row(j).transpose();
+        d -= other.dot(d) * other;
+      }
+    }
+    result.null_directions.row(k) = d.normalized().transpose();
+  }
+}
+
+}  // namespace
+
+PoseBelief belief_from_border(const RigidTransform& X_WV, const Mat6& covariance_border) {
+  // border_from_left is orthogonal: its inverse is its transpose.
+  const Mat6 J = border_from_left(X_WV).transpose();
+  return {X_WV, symmetrised(J * covariance_border * J.transpose())};
+}
+
+Mat6 border_covariance(const PoseBelief& belief) {
+  const Mat6 J = border_from_left(belief.X_WV);
+  return symmetrised(J * belief.covariance_left * J.transpose());
+}
+
+Mat6 origin_from_decoupled(const Vec3& p_WV) {
+  Mat6 T = Mat6::Identity();
+  T.bottomLeftCorner<3, 3>() = skew(p_WV);
+  return T;
+}
+
+Mat6 decoupled_from_origin(const Vec3& p_WV) {
+  Mat6 T = Mat6::Identity();
+  T.bottomLeftCorner<3, 3>() = -skew(p_WV);
+  return T;
+}
+
+PairTerms linearise(const PlanePair& pair, const RigidTransform& X_WV) {
+  const Plane view_W = moved(pair.view_V, X_WV);
+  const PlaneResidual residual = plane_residual(pair.map_W, view_W);
+  const Vec3 lever = X_WV.q * pair.view_V.centroid;
+  PairTerms t;
+  t.r = residual.r;
+  t.J.topLeftCorner<2, 3>() = -tangent(pair.map_W).transpose() * skew(view_W.normal);
+  t.J.bottomLeftCorner<1, 3>() = lever.cross(pair.map_W.normal).transpose();
+  t.J.bottomRightCorner<1, 3>() = pair.map_W.normal.transpose();
+  t.C_view = residual.J_b * pair.view_V.covariance_independent * residual.J_b.transpose();
+  t.C_map = residual.J_a * pair.map_W.covariance_independent * residual.J_a.transpose();
+  return t;
+}
+
+Mat3 gate_covariance(const PlanePair& pair, const PairTerms& terms, const PoseBelief& belief) {
+  const Mat6 T = decoupled_from_origin(belief.X_WV.p);
+  const Mat6 pose = belief.covariance_left + T * pair.inherited * T.transpose();
+  return terms.C_view + terms.C_map + terms.J * pose * terms.J.transpose();
+}
+
+PoseBelief solve_with_prior(std::span<const PlanePair> pairs, const PoseBelief& prior) {
+  const Inheritance inherited = inheritance(pairs, prior.X_WV.p);
+  const Mat6 P_inverse = symmetrised(regularised(prior.covariance_left).inverse());
+  PoseBelief result = prior;
+  for (int k = 0; k < kMaxSteps; ++k) {
+    const Normals n = accumulate(pairs, inherited, result.X_WV);
+    const Eigen::LDLT<Mat6> factor(n.H + P_inverse);
+    const Vec6 step = -factor.solve(n.g + P_inverse * left_difference(prior.X_WV, result.X_WV));
+    if (!step.allFinite()) { return prior; }
+    apply_left(result.X_WV, step);
+    result.covariance_left = symmetrised(factor.solve(Mat6::Identity()));
+    if (step.norm() < kConverged) { break; }
+  }
+  return result;
+}
+
+Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief& prior, const RigidTransform& start) {
+  const Inheritance inherited = inheritance(pairs, prior.X_WV.p);
+  const Mat6 S = scale_matrix(pairs);
+  const Mat6 S_inverse = S.diagonal().cwiseInverse().asDiagonal();
+  const Mat6 P_scaled = symmetrised(S_inverse * prior.covariance_left * S_inverse);
+  RigidTransform X = start;
+  Registration result;
+  result.X_WV = prior.X_WV;
+  result.posterior = prior;
+  Subspace space;
+  Reduced z;
+  Sums sums;
+  for (int k = 0; k < kMaxSteps; ++k) {
+    sums = sum_up(pairs, inherited, X);
+    space = observable(S * sums.H * S, S * sums.H_feigned * S, P_scaled);
+    z = reduce(sums, space, S, S_inverse * left_difference(prior.X_WV, X));
+    RigidTransform next = prior.X_WV;
+    apply_left(next, S * (space.seen * z.value));
+    const double change = left_difference(X, next).norm();
+    X = next;
+    if (change < kConverged) { break; }
+  }
+  const Mat6 border_from_scaled = border_from_left(X) * S;
+  set_null_directions(space, border_from_scaled, result);
+  result.chi2 = sums.chi2;
+  result.chi2_dof = 3.0 * static_cast<double>(pairs.size()) - static_cast<double>(space.seen.cols());
+  if (space.seen.cols() == 0 || !z.value.allFinite()) { return result; }
+  result.X_WV = X;
+  if (result.chi2_dof > 0.0 && result.chi2 > chi2_quantile(kInflationProbability, result.chi2_dof)) {
+    z.independent *= result.chi2 / result.chi2_dof;
+  }
+  const Small total = z.independent + z.correlated;
+  const Small total_inverse = total.ldlt().solve(Small::Identity(total.rows(), total.cols()));
+  const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> A =
+      border_from_left(X) * S_inverse * space.seen;  // border_from_left is orthogonal
+  result.information_border = symmetrised(A * total_inverse * A.transpose());
+  Mat6 keep = Mat6::Identity();
+  for (int k = 0; k < result.null_count; ++k) {
+    const Vec6 n = result.null_directions.row(k).transpose();
+    keep -= n * n.transpose();
+  }
+  const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> B = keep * border_from_scaled * space.seen;
+  result.correlated_border = symmetrised(B * z.correlated * B.transpose());
+  const Small innovation = space.seen.transpose() * P_scaled * space.seen + total;
+  result.innovation2 = z.value.dot(innovation.ldlt().solve(z.value));
+  const Fused fused = fuse(P_scaled, space, z);
+  result.posterior.X_WV = prior.X_WV;
+  apply_left(result.posterior.X_WV, S * fused.y);
+  result.posterior.covariance_left = symmetrised(S * fused.P * S);
+  return result;
+}
+
+}  // namespace rosid::mapping
