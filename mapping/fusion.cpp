@@ -42,8 +42,8 @@ bool are_coplanar(const MapPatch& a, const MapPatch& b) {
 bool do_overlap(const MapPatch& a, const MapPatch& b) {
   const double reach = bounding_radius_m(a.patch) + bounding_radius_m(b.patch);
   if ((a.patch.plane.centroid - b.patch.plane.centroid).squaredNorm() > reach * reach) { return false; }
-  const PolygonSet common = intersect(PolygonSet::from_rings(a.patch.outer, a.patch.inner),
-                                      projected(b.patch, b.patch.plane, a.patch.plane));
+  const PolygonSet common =
+      intersect(PolygonSet::from_rings(a.patch.outer, a.patch.inner), projected(b.patch, b.patch.plane, a.patch.plane));
   const double smaller = std::min(a.patch.attributes.area_m2, b.patch.attributes.area_m2);
   return common.area_m2() > kMergeOverlap * smaller;
 }
@@ -130,9 +130,7 @@ int remove_surplus(const FusionConfig& config, SurfaceMap& map) {
   });
   const auto limit = static_cast<std::size_t>(std::max(config.max_patches, 1));
   if (map.patches.size() > limit) {
-    const auto value = [](const MapPatch& p) {
-      return p.patch.attributes.area_m2 / (1.0 + std::exp(-p.existence));
-    };
+    const auto value = [](const MapPatch& p) { return p.patch.attributes.area_m2 / (1.0 + std::exp(-p.existence)); };
     std::vector<std::size_t> order(map.patches.size());
     for (std::size_t k = 0; k < order.size(); ++k) { order[k] = k; }
     std::sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {

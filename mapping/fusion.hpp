@@ -11,8 +11,8 @@
 
 namespace rosid::mapping {
 
-/// How well a match holds after registration, 0..1: overlap, agreement of the view's true edges with the map's boundary,
-/// and distance of the planes [maths 6.7].
+/// How well a match holds after registration, 0..1: overlap, agreement of the view's true edges with the map's
+/// boundary, and distance of the planes [maths 6.7].
 double pair_confidence(const PreparedPatch& view, const PreparedPatch& map, const MapPatch& map_patch,
                        const PoseBelief& belief, double snap_distance_m);
 
@@ -22,8 +22,8 @@ struct FusionSettings {
   FieldOfView field;
 };
 
-/// One view as fusion wants it. `matches` and `confidence` run in parallel; matches of poor confidence are neither united
-/// nor added as something new.
+/// One view as fusion wants it. `matches` and `confidence` run in parallel; matches of poor confidence are neither
+/// united nor added as something new.
 struct FusionInput {
   std::span<const PreparedPatch> view;
   std::span<const PatchMatch> matches;

@@ -104,13 +104,12 @@ void average(PatchAttributes& a, double weight_a, const PatchAttributes& b, doub
   if (!(total > 0.0)) { return; }
   const double share = weight_b / total;
   for (std::size_t k = 0; k < a.curvature_histogram.size(); ++k) {
-    a.curvature_histogram[k] +=
-        static_cast<float>(share) * (b.curvature_histogram[k] - a.curvature_histogram[k]);
+    a.curvature_histogram[k] += static_cast<float>(share) * (b.curvature_histogram[k] - a.curvature_histogram[k]);
   }
   a.normal_cone_rad += share * (b.normal_cone_rad - a.normal_cone_rad);
   a.rms_m = std::sqrt((1.0 - share) * a.rms_m * a.rms_m + share * b.rms_m * b.rms_m);
-  a.pixel_count = static_cast<int>(std::min<std::int64_t>(std::int64_t{a.pixel_count} + b.pixel_count,
-                                                          std::numeric_limits<int>::max()));
+  a.pixel_count = static_cast<int>(
+      std::min<std::int64_t>(std::int64_t{a.pixel_count} + b.pixel_count, std::numeric_limits<int>::max()));
 }
 
 /// Vertices of `rings` on plane `from` that lie in `set`'s rings, deeper than the margin, or (outside) farther than it.
@@ -120,8 +119,7 @@ bool any_vertex(const Patch& patch, const Plane& from, const Patch& set, const P
     for (const Ring& ring : *rings) {
       for (const Vec2& v : ring.vertices) {
         const Vec2 at = to.to_plane(from.from_plane(v));
-        if (contains(set.outer, set.inner, at) == inside &&
-            boundary_distance_m(set.outer, set.inner, at) > margin_m) {
+        if (contains(set.outer, set.inner, at) == inside && boundary_distance_m(set.outer, set.inner, at) > margin_m) {
           return true;
         }
       }
@@ -281,9 +279,9 @@ void absorb(MapPatch& a, const MapPatch& b, const FusionSettings& settings) {
   append_edges(a.patch, a.patch.plane, a.patch.plane, sources);
   append_edges(b.patch, b.patch.plane, a.patch.plane, sources);
   average(a.patch.attributes, area_a, b.patch.attributes, b.patch.attributes.area_m2);
-  const PolygonSet whole = cleaned(unite(PolygonSet::from_rings(a.patch.outer, a.patch.inner),
-                                         projected(b.patch, b.patch.plane, a.patch.plane)),
-                                   settings.config);
+  const PolygonSet whole = cleaned(
+      unite(PolygonSet::from_rings(a.patch.outer, a.patch.inner), projected(b.patch, b.patch.plane, a.patch.plane)),
+      settings.config);
   if (whole.area_m2() > 0.0) { set_polygon(a, whole, sources, settings); }
   a.patch.attributes.occlusion = false_edge_share(a.patch);
   a.views = std::max(a.views, b.views);

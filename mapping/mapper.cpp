@@ -42,8 +42,8 @@ std::vector<Patch> usable_patches(const SurfaceView& view) {
   for (const Patch& patch : view.patches) {
     if (!is_usable(patch.plane)) { continue; }
     const auto is_bad = [](const Ring& ring) {
-      return ring.vertices.size() < 3 || !std::all_of(ring.vertices.begin(), ring.vertices.end(),
-                                                      [](const Vec2& v) { return v.allFinite(); });
+      return ring.vertices.size() < 3 ||
+             !std::all_of(ring.vertices.begin(), ring.vertices.end(), [](const Vec2& v) { return v.allFinite(); });
     };
     if (std::any_of(patch.outer.begin(), patch.outer.end(), is_bad) ||
         std::any_of(patch.inner.begin(), patch.inner.end(), is_bad)) {
@@ -217,8 +217,7 @@ MapUpdate Mapper::process(const SurfaceView& view, const PoseEstimate& prior) {
   update.outcome = attempt.outcome;
   update.matched_pairs = static_cast<int>(attempt.matches.size());
   if (attempt.may_fuse) { fuse(view, prepared, attempt, update); }
-  const bool is_registered =
-      attempt.outcome == ViewOutcome::Registered || attempt.outcome == ViewOutcome::Degenerate;
+  const bool is_registered = attempt.outcome == ViewOutcome::Registered || attempt.outcome == ViewOutcome::Degenerate;
   if (is_registered && attempt.registration.null_count < 6) {
     update.fix = make_fix(view, attempt.registration, attempt.matches.size(), attempt.mean_confidence);
   }

@@ -142,8 +142,8 @@ std::vector<PatchMatch> Matcher::candidates(const PoseBelief& belief) const {
       const Vec3 apart = lever_W + belief.X_WV.p - map_W.centroid;
       const double reach = view_[s].radius_m + map_[m].radius_m + slack;
       if (apart.squaredNorm() > reach * reach) { continue; }
-      const double overlap = std::max(overlap_share(view_[s], belief.X_WV, map_[m], slack),
-                                      overlap_share(map_[m], X_VW, view_[s], slack));
+      const double overlap =
+          std::max(overlap_share(view_[s], belief.X_WV, map_[m], slack), overlap_share(map_[m], X_VW, view_[s], slack));
       if (overlap < kMinOverlap) { continue; }
       const double area_s = view_[s].patch->attributes.area_m2;
       const double area_m = std::min(map_[m].patch->attributes.area_m2, area_s);
@@ -170,17 +170,15 @@ std::vector<PatchMatch> Matcher::match(const PoseBelief& belief) const {
     for (const PatchMatch& other : accepted) {
       if (tested == kVerifyAgainst) { break; }
       ++tested;
-      const bool is_fine =
-          are_consistent(view_[candidate.view].patch->plane, map_[candidate.map].patch->plane,
-                         view_[other.view].patch->plane, map_[other.map].patch->plane, belief.X_WV);
+      const bool is_fine = are_consistent(view_[candidate.view].patch->plane, map_[candidate.map].patch->plane,
+                                          view_[other.view].patch->plane, map_[other.map].patch->plane, belief.X_WV);
       failed += is_fine ? 0U : 1U;
     }
     if (2 * failed > tested) { continue; }
     is_taken[candidate.view] = true;
     accepted.push_back(candidate);
   }
-  std::sort(accepted.begin(), accepted.end(),
-            [](const PatchMatch& a, const PatchMatch& b) { return a.view < b.view; });
+  std::sort(accepted.begin(), accepted.end(), [](const PatchMatch& a, const PatchMatch& b) { return a.view < b.view; });
   return accepted;
 }
 

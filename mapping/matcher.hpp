@@ -61,8 +61,8 @@ class Matcher {
   std::span<const MapPatch> map_patches_;
 };
 
-/// The matches as pairs for registration: all view patches of one map patch united into one plane first, so that neither
-/// the map plane's error nor the view's systematic error counts once for every fragment.
+/// The matches as pairs for registration: all view patches of one map patch united into one plane first, so that
+/// neither the map plane's error nor the view's systematic error counts once for every fragment.
 struct GroupedPairs {
   std::vector<PlanePair> pairs;
   std::vector<double> view_area_m2;  ///< of each pair

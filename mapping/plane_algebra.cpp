@@ -155,8 +155,7 @@ PlaneSource united(const PlaneSource& a, const PlaneSource& b, const SystematicF
   T_b.topRows<2>() = turn * T_b.topRows<2>();
   Vec3 difference;
   difference.head<2>() = tangent(a.plane).transpose() * b.plane.normal;
-  difference.z() =
-      (b.plane.rho() - b.plane.normal.dot(reference.centroid)) / b.plane.normal.dot(reference.normal);
+  difference.z() = (b.plane.rho() - b.plane.normal.dot(reference.centroid)) / b.plane.normal.dot(reference.normal);
   const Mat3 own_a = T_a * statistical_part(a.plane, floor) * T_a.transpose();
   const Mat3 own_b = T_b * statistical_part(b.plane, floor) * T_b.transpose();
   const Mat36 J = rigid_jacobian(reference);
@@ -181,8 +180,7 @@ Plane recentred(const Plane& plane, const Vec3& new_centroid, const SystematicFl
   Plane result = plane;
   result.centroid = new_centroid - plane.normal.dot(new_centroid - plane.centroid) * plane.normal;
   const Mat3 T = shift_jacobian(plane, result.centroid);
-  result.covariance_independent =
-      symmetrised(T * statistical_part(plane, floor) * T.transpose()) + floor.covariance();
+  result.covariance_independent = symmetrised(T * statistical_part(plane, floor) * T.transpose()) + floor.covariance();
   result.covariance_correlated = symmetrised(T * plane.covariance_correlated * T.transpose());
   return result;
 }

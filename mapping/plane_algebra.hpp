@@ -35,8 +35,8 @@ Mat36 rigid_jacobian(const Plane& plane);
 /// Jacobian from errors at `plane.centroid` to errors (theta, offset along the normal) at another point of the plane.
 Mat3 shift_jacobian(const Plane& plane, const Vec3& to_point);
 
-/// residual of (3.16) between two planes in one frame: (b's normal in a's tangent axes, distance of b's centroid from a),
-/// with the Jacobians of (3.18) with respect to each plane's own error.
+/// residual of (3.16) between two planes in one frame: (b's normal in a's tangent axes, distance of b's centroid from
+/// a), with the Jacobians of (3.18) with respect to each plane's own error.
 struct PlaneResidual {
   Vec3 r = Vec3::Zero();
   Mat3 J_a = Mat3::Zero();
@@ -52,8 +52,8 @@ Mat6 symmetric_sqrt(const Mat6& m);
 /// Independent covariance without the systematic floor, positive definite.
 Mat3 statistical_part(const Plane& plane, const SystematicFloor& floor);
 
-/// A plane with the weight its boundary has (area) and the covariance of the vehicle pose error it inherited: left error
-/// [rotation, translation] about the origin of the plane's frame.
+/// A plane with the weight its boundary has (area) and the covariance of the vehicle pose error it inherited: left
+/// error [rotation, translation] about the origin of the plane's frame.
 struct PlaneSource {
   Plane plane;
   Mat6 inherited = Mat6::Zero();
@@ -68,10 +68,11 @@ PlaneSource united(const PlaneSource& a, const PlaneSource& b, const SystematicF
 /// The plane referred to another centroid (projected on it); only the statistical part feels the lever arm.
 Plane recentred(const Plane& plane, const Vec3& new_centroid, const SystematicFloor& floor);
 
-/// Squared Mahalanobis distance of two planes of one frame with covariance `c` of the residual; huge when c is singular.
+/// Squared Mahalanobis distance of two planes of one frame with covariance `c` of the residual; huge when c is
+/// singular.
 double mahalanobis2(const Vec3& r, const Mat3& c);
 
-/// Quantile of the chi-square distribution (Wilson-Hilferty; within 0.3 % for dof >= 3, 2 % below).
+/// Quantile of the chi-square distribution (Wilson-Hilferty: within 1 % for 3 and more dof, 3 % below).
 double chi2_quantile(double probability, double dof);
 
 }  // namespace rosid::mapping

@@ -33,8 +33,8 @@ class PolygonSet {
  public:
   PolygonSet() = default;
 
-  /// Any rings, valid or not: vertices that are not finite or farther than 10 km out drop their ring, self-crossings are
-  /// resolved by the non-zero rule, orientation is set by the list a ring stands in.
+  /// Any rings, valid or not: vertices that are not finite or farther than 10 km out drop their ring, self-crossings
+  /// are resolved by the non-zero rule, orientation is set by the list a ring stands in.
   static PolygonSet from_rings(std::span<const Ring> outer, std::span<const Ring> inner);
   /// One ring in any orientation.
   static PolygonSet from_points(std::span<const Vec2> vertices);
@@ -67,8 +67,8 @@ struct BooleanResult {
   BooleanMethod method = BooleanMethod::Exact;
 };
 
-/// Boolean operation, checked by areas: |A u B| + |A n B| = |A| + |B| (for differences |A - B| + |A n B| = |A|). When the
-/// clipping library fails the check the inputs are snapped to 1 mm and tried again, then a 2 cm raster decides
+/// Boolean operation, checked by areas: |A u B| + |A n B| = |A| + |B| (for differences |A - B| + |A n B| = |A|). When
+/// the clipping library fails the check the inputs are snapped to 1 mm and tried again, then a 2 cm raster decides
 /// [maths 6.7].
 BooleanResult combine(const PolygonSet& a, const PolygonSet& b, BooleanOp op);
 PolygonSet unite(const PolygonSet& a, const PolygonSet& b);
@@ -88,8 +88,8 @@ PolygonSet closed(const PolygonSet& a, double width_m);
 /// Without components and holes of less than min_area_m2.
 PolygonSet without_small_rings(const PolygonSet& a, double min_area_m2);
 
-/// Fewer vertices: every removed vertex lies within tolerance_m of the new ring. While a ring has more than max_vertices
-/// the tolerance is doubled. Result obeys the class rules.
+/// Fewer vertices: every removed vertex lies within tolerance_m of the new ring. While a ring has more than
+/// max_vertices the tolerance is doubled. Result obeys the class rules.
 PolygonSet simplified(const PolygonSet& a, double tolerance_m, std::size_t max_vertices);
 
 /// x -> linear * x + translation for every vertex. Linear must not mirror.

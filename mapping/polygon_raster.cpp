@@ -81,7 +81,8 @@ std::vector<bool> fill(const PolygonSet& set, const Raster& raster) {
   return is_set;
 }
 
-/// Border edges of the set cells, one bit per direction of travel (0 right, 1 up, 2 left, 3 down), set side on the left.
+/// Border edges of the set cells, one bit per direction of travel (0 right, 1 up, 2 left, 3 down), set side on the
+/// left.
 std::vector<std::uint8_t> border_edges(const Raster& raster) {
   std::vector<std::uint8_t> edges((raster.columns + 1) * (raster.rows + 1), 0);
   const auto add = [&](std::size_t x, std::size_t y, unsigned direction) {

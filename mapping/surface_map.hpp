@@ -18,7 +18,7 @@ struct MapPatch {
   Time t_last;             ///< view that saw it last
   double existence = 0.0;  ///< log-odds, clamped to +-4
   bool is_floor = false;
-  bool is_tentative = true;  ///< seen too little to be relied on
+  bool is_tentative = true;                  ///< seen too little to be relied on
   Mat6 inherited_covariance = Mat6::Zero();  ///< of the vehicle pose error behind Plane::covariance_correlated: left
                                              ///< error [rotation, translation] about the origin of W
 };

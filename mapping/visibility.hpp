@@ -13,7 +13,7 @@ class SurfaceCaster {
  public:
   struct Hit {
     double range_m = 0.0;
-    std::size_t index = 0;  ///< order of add()
+    std::size_t index = 0;   ///< order of add()
     double incidence = 0.0;  ///< |cosine| between ray and normal
   };
 

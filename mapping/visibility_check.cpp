@@ -11,9 +11,9 @@ namespace {
 
 constexpr double kDepthSlack_m = 0.05;
 constexpr double kDepthSigmas = 3.0;
-constexpr double kParallelCosine = 0.985;      // 10 degrees
-constexpr double kMinIncidence = 0.17;         // sine of 10 degrees: depth along flatter rays says little
-constexpr double kFieldMargin_rad = 0.035;     // 2 degrees
+constexpr double kParallelCosine = 0.985;   // 10 degrees
+constexpr double kMinIncidence = 0.17;      // sine of 10 degrees: depth along flatter rays says little
+constexpr double kFieldMargin_rad = 0.035;  // 2 degrees
 constexpr std::size_t kSamplesPerPatch = 12;
 
 /// Standard deviation of the distance between a map plane and a point seen at lever_W from the vehicle.
@@ -60,8 +60,7 @@ Evidence weigh_view(std::span<const PreparedPatch> view, std::span<const Prepare
       const std::size_t m = map_index[hit->index];
       const Plane& plane_W = map[m].patch->plane;
       const double depth = -plane_W.normal.dot(at_W - plane_W.centroid);
-      const double tolerance =
-          kDepthSlack_m + kDepthSigmas * depth_sigma_m(plane_W, at_W - belief.X_WV.p, belief);
+      const double tolerance = kDepthSlack_m + kDepthSigmas * depth_sigma_m(plane_W, at_W - belief.X_WV.p, belief);
       const double share = area / static_cast<double>(used);
       if (std::abs(depth) <= tolerance) {
         evidence.consistent_m2 += share;
@@ -101,8 +100,7 @@ Sighting sight(const PreparedPatch& map, const SurfaceCaster& view_V, const Fiel
     const double depth = (hit->range_m - range) * incidence;
     if (std::abs(depth) <= tolerance) {
       ++hits;
-    } else if (depth > 0.0 &&
-               boundary_distance_m(map.patch->outer, map.patch->inner, sample) > tolerance) {
+    } else if (depth > 0.0 && boundary_distance_m(map.patch->outer, map.patch->inner, sample) > tolerance) {
       ++through;  // not at the rim, where an error of the boundary would look the same
     }
   }
