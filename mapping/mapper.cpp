@@ -16,8 +16,11 @@ namespace {
 constexpr double kInnovationProbability = 0.999;
 constexpr double kMinViewConfidence = 0.3;
 constexpr double kMinConsistentShare = 0.5;
-// Directions that only the prior determines need a view that does not contradict the map.
+// Directions that only the prior determines need a view that does not contradict the map: share of what bears on these
+// directions, of the whole view, and an area that is more than clutter.
 constexpr double kMaxConflictShare = 0.15;
+constexpr double kClutterShare = 0.02;
+constexpr double kClutter_m2 = 0.2;
 // A view without match is placed by the prior alone when that is about as good as a registration.
 constexpr double kBlindPositionSigma_m = 0.2;
 constexpr double kBlindAngleSigma_rad = 0.035;
@@ -78,6 +81,34 @@ bool is_good_enough_alone(const PoseBelief& belief) {
   const double position = belief.covariance_left.diagonal().tail<3>().maxCoeff();
   return angle <= kBlindAngleSigma_rad * kBlindAngleSigma_rad &&
          position <= kBlindPositionSigma_m * kBlindPositionSigma_m;
+}
+
+/// How much each view patch would move against the map if the pose moved along the null directions, 0..1.
+std::vector<double> null_relevance(std::span<const PreparedPatch> view, const Registration& registration) {
+  const RigidTransform& X_WV = registration.X_WV;
+  const Mat6 left_from_border = border_from_left(X_WV).transpose();
+  double radius2 = 1.0;
+  for (const PreparedPatch& patch : view) { radius2 = std::max(radius2, patch.patch->plane.centroid.squaredNorm()); }
+  std::vector<double> relevance;
+  for (const PreparedPatch& patch : view) {
+    const Vec3 normal = X_WV.q * patch.patch->plane.normal;
+    const Vec3 lever = X_WV.q * patch.patch->plane.centroid;
+    double squared = 0.0;
+    for (int k = 0; k < registration.null_count; ++k) {
+      Vec6 d = left_from_border * registration.null_directions.row(k).transpose();
+      d /= std::sqrt(radius2 * d.head<3>().squaredNorm() + d.tail<3>().squaredNorm());
+      const double along = lever.cross(normal).dot(d.head<3>()) + normal.dot(d.tail<3>());
+      squared += along * along + radius2 * d.head<3>().cross(normal).squaredNorm();
+    }
+    relevance.push_back(std::min(1.0, squared));
+  }
+  return relevance;
+}
+
+bool is_conflict(const Evidence& relevant, const Evidence& whole) {
+  const double conflict = relevant.through_m2 + relevant.displaced_m2;
+  return relevant.conflict_share() > kMaxConflictShare && conflict > kClutterShare * whole.mapped_m2() &&
+         conflict > kClutter_m2;
 }
 
 SurfaceFix make_fix(const SurfaceView& view, const Registration& registration, std::size_t pairs, double confidence) {
@@ -154,20 +185,24 @@ Mapper::Attempt Mapper::register_view(std::span<const PreparedPatch> view, std::
     weight += area;
   }
   if (weight > 0.0) { attempt.mean_confidence /= weight; }
-  const Evidence evidence = weigh_view(view, map, map_patches, attempt.matches, attempt.pose, sensor_V);
+  const Evidence evidence = weigh_view(view, map, map_patches, attempt.matches, attempt.pose, sensor_V, {});
   times.register_s = now_s() - t_matched;
 
   const bool fits = evidence.consistent_share() >= kMinConsistentShare;
-  const bool has_no_conflict = fits && evidence.conflict_share() <= kMaxConflictShare;
   if (!has_pairs) {
-    attempt.may_fuse = has_no_conflict && is_good_enough_alone(prior);
+    attempt.may_fuse = fits && !is_conflict(evidence, evidence) && is_good_enough_alone(prior);
     return attempt;
   }
   const int dof = 6 - attempt.registration.null_count;
   const bool is_expected =
       dof == 0 || attempt.registration.innovation2 <= chi2_quantile(kInnovationProbability, static_cast<double>(dof));
   const bool is_trusted = is_expected && attempt.mean_confidence >= kMinViewConfidence;
-  attempt.may_fuse = is_trusted && (dof == 6 ? fits : has_no_conflict);
+  attempt.may_fuse = is_trusted && fits;
+  if (attempt.may_fuse && dof < 6) {
+    const std::vector<double> relevance = null_relevance(view, attempt.registration);
+    const Evidence relevant = weigh_view(view, map, map_patches, attempt.matches, attempt.pose, sensor_V, relevance);
+    attempt.may_fuse = !is_conflict(relevant, evidence);
+  }
   if (!attempt.may_fuse) {
     attempt.outcome = ViewOutcome::Rejected;
   } else {

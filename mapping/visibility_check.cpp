@@ -27,7 +27,7 @@ double depth_sigma_m(const Plane& plane_W, const Vec3& lever_W, const PoseBelief
 
 Evidence weigh_view(std::span<const PreparedPatch> view, std::span<const PreparedPatch> map,
                     std::span<const MapPatch> map_patches, std::span<const PatchMatch> matches,
-                    const PoseBelief& belief, const Vec3& sensor_V) {
+                    const PoseBelief& belief, const Vec3& sensor_V, std::span<const double> relevance) {
   std::vector<bool> is_view_matched(view.size(), false);
   std::vector<bool> is_map_matched(map.size(), false);
   for (const PatchMatch& match : matches) {
@@ -44,7 +44,7 @@ Evidence weigh_view(std::span<const PreparedPatch> view, std::span<const Prepare
   Evidence evidence;
   const Vec3 sensor_W = belief.X_WV * sensor_V;
   for (std::size_t s = 0; s < view.size(); ++s) {
-    const double area = view[s].patch->attributes.area_m2;
+    const double area = view[s].patch->attributes.area_m2 * (relevance.empty() ? 1.0 : relevance[s]);
     if (is_view_matched[s]) {
       evidence.consistent_m2 += area;
       continue;

@@ -22,9 +22,10 @@ struct Evidence {
   double conflict_share() const { return mapped_m2() > 0.0 ? (through_m2 + displaced_m2) / mapped_m2() : 0.0; }
 };
 
+/// relevance: factor on each view patch's area; empty = 1 for all.
 Evidence weigh_view(std::span<const PreparedPatch> view, std::span<const PreparedPatch> map,
                     std::span<const MapPatch> map_patches, std::span<const PatchMatch> matches,
-                    const PoseBelief& belief, const Vec3& sensor_V);
+                    const PoseBelief& belief, const Vec3& sensor_V, std::span<const double> relevance);
 
 /// Cone of rays the sensor can have measured, in V.
 struct FieldOfView {

@@ -100,8 +100,9 @@ TEST(Drive, ErrorStaysBoundedAndTheMapSaturates) {
   EXPECT_LT(result.worst_position_m, 0.08);
   const std::size_t after_first = result.patches[result.patches.size() / 2 - 1];
   EXPECT_LE(static_cast<double>(result.patches.back()), 1.1 * static_cast<double>(after_first));
-  EXPECT_GE(after_first, 15U);
-  EXPECT_LE(after_first, 40U);
+  // The room has 6 faces and its boxes 12 that can be seen from somewhere; some only from outside the tour.
+  EXPECT_GE(after_first, 10U);
+  EXPECT_LE(after_first, 18U);
 }
 
 TEST(Drive, PoseAndMapAreHonest) {
