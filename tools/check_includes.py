@@ -78,7 +78,8 @@ def check_project_include(path, name, root):
         return None
     if target not in MAY_INCLUDE:
         return None if (root / name).is_file() else f'"{name}" is not a path from the root of the repository'
-    if not (root / name).is_file():
+    # NAME.in: CMake makes NAME of it.
+    if not (root / name).is_file() and not (root / (name + ".in")).is_file():
         return f'"{name}" does not exist'
     allowed = MAY_INCLUDE[folder]
     if target == folder or "*" in allowed or is_in(name, allowed):
