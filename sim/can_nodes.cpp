@@ -17,7 +17,7 @@ void EncoderNode::define_profile() {
   define(0x1000, 0, {.value = 0x00020196});  // absolute rotary encoder, multi-turn
   define(0x6000, 0, {.value = 0, .size = 2});
   define(0x6001, 0, {.value = encoder_.counts_per_turn});
-  define(0x6002, 0, {.value = 0xFFFFFFFFU});
+  define(0x6002, 0, {.value = encoder_.total_range});
   define(0x6004, 0, {.value = encoder_.start_count});
   define(0x6200, 0, {.value = value(0x1800, 5), .size = 2, .is_writable = true});
   define(0x6500, 0, {.value = 0, .size = 2});
@@ -27,9 +27,11 @@ void EncoderNode::define_profile() {
 }
 
 void EncoderNode::measure(Time t) {
-  const double counts = std::floor(reading_(t) * encoder_.counts_per_unit + 0.5);
+  const double counts = std::floor((reading_(t) * encoder_.counts_per_unit) + 0.5);
   const auto steps = static_cast<std::int64_t>(encoder_.is_reversed ? -counts : counts);
-  set_value(0x6004, 0, static_cast<std::uint32_t>((std::int64_t{encoder_.start_count} + steps) & 0xFFFFFFFF));
+  const std::int64_t range = encoder_.total_range == 0 ? std::int64_t{1} << 32U : std::int64_t{encoder_.total_range};
+  const std::int64_t position = (std::int64_t{encoder_.start_count} + steps) % range;
+  set_value(0x6004, 0, static_cast<std::uint32_t>(position < 0 ? position + range : position));
 }
 
 bool EncoderNode::accept(unsigned index, unsigned sub, std::uint32_t value) {

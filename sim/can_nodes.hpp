@@ -9,8 +9,8 @@
 
 namespace rosid::sim {
 
-/// CiA 406 encoder (devices 3.2): position 6004 as an unsigned 32-bit count that wraps, cyclic timer 6200 tied to the
-/// event timer of TPDO1.
+/// CiA 406 encoder (devices 3.2): position 6004 as an unsigned count that wraps at the total range 6002, cyclic timer
+/// 6200 tied to the event timer of TPDO1.
 class EncoderNode final : public CanopenNode {
  public:
   struct Options {
@@ -18,6 +18,7 @@ class EncoderNode final : public CanopenNode {
     double counts_per_unit = 1.0;           ///< counts for one unit of the reading
     std::uint32_t start_count = 0;          ///< position at reading 0
     std::uint32_t counts_per_turn = 36000;  ///< object 6001
+    std::uint32_t total_range = 0;          ///< object 6002: positions before the count wraps; 0: all 32 bits
     bool is_reversed = false;               ///< mounted so that it counts down
   };
 

@@ -60,14 +60,17 @@ BenchOptions bench_options(const hal::HalConfig& hal, const Calibration& calibra
 
   const double turret_phase = random.uniform();
   if (hal.turret.enabled && hal.turret.counts_per_turn > 0.0) {
-    // Whole turns in front of the start keep a reading just below zero from wrapping to an unrelated angle.
-    const double start = std::round(64.0 * hal.turret.counts_per_turn);
+    // A multi-turn encoder: its range is a whole number of turns, so that the angle survives the wrap.
+    constexpr double kTurns = 4096.0;
+    const double start = std::floor(random.uniform() * kTurns) * hal.turret.counts_per_turn;
+    const double range = std::min(kTurns * hal.turret.counts_per_turn, 4294967295.0);
     options.turret = EncoderNode::Options{.node = {.node_id = hal.turret.node_id,
                                                    .tpdo_phase = duration_from_s(0.010 * turret_phase),
                                                    .tpdo_period_ms = 10},
                                           .counts_per_unit = hal.turret.counts_per_turn / (2.0 * kPi),
-                                          .start_count = static_cast<std::uint32_t>(start),
+                                          .start_count = static_cast<std::uint32_t>(std::min(start, range - 1.0)),
                                           .counts_per_turn = static_cast<std::uint32_t>(hal.turret.counts_per_turn),
+                                          .total_range = static_cast<std::uint32_t>(range),
                                           .is_reversed = hal.turret.reversed};
   }
   const double tilt_phase = random.uniform();

@@ -103,6 +103,22 @@ TEST(EncoderNode, CountWrapsAt32BitsInBothDirections) {
   }
 }
 
+TEST(EncoderNode, CountWrapsAtItsTotalRange) {
+  EncoderNode node({.node = {.node_id = 1}, .counts_per_unit = 2000.0, .start_count = 900, .total_range = 1000},
+                   wheel_m, Time{});
+  Master master(node);
+  master.run(1.0);
+  EXPECT_EQ(master.sdo({0x40, 0x02, 0x60, 0, 0, 0, 0, 0}), (std::vector<int>{0x43, 0x02, 0x60, 0, 0xE8, 3, 0, 0}));
+  master.nmt(0x01);
+  for (const TimedFrame& sent : master.run(1.0)) {
+    std::uint32_t count = 0;
+    std::memcpy(&count, sent.frame.data.data(), 4);
+    const double expected = std::fmod(900.0 + (2000.0 * wheel_m(sent.t)), 1000.0);
+    EXPECT_NEAR(std::remainder(count - expected, 1000.0), 0.0, 0.51);
+    EXPECT_LT(count, 1000U);
+  }
+}
+
 TEST(EncoderNode, CyclicTimerIsTheEventTimer) {
   EncoderNode node = make_encoder();
   Master master(node);
