@@ -39,6 +39,14 @@ std::uint16_t baud_word(int baud) {
   }
 }
 
+/// A payload that starts with its command and has room for `data_size` bytes more.
+std::vector<std::uint8_t> begin_payload(std::uint8_t command, std::size_t data_size) {
+  std::vector<std::uint8_t> payload;
+  payload.reserve(data_size + 2);  // and the status byte
+  payload.push_back(command);
+  return payload;
+}
+
 /// Writes into a reply at the offsets of the telegram listing, which count the command as 0.
 class FieldWriter {
  public:
@@ -145,7 +153,7 @@ std::vector<std::uint8_t> status_reply(const LmsSettings& settings, int mirror_r
 }
 
 std::vector<std::uint8_t> error_reply(const LmsSettings& settings) {
-  std::vector<std::uint8_t> payload{0xB2};
+  std::vector<std::uint8_t> payload = begin_payload(0xB2, 2 * settings.errors.size());
   for (const auto& [type, code] : settings.errors) {
     payload.push_back(type);
     payload.push_back(code);
@@ -154,42 +162,42 @@ std::vector<std::uint8_t> error_reply(const LmsSettings& settings) {
 }
 
 std::vector<std::uint8_t> counter_reply(const LmsSettings& settings) {
-  std::vector<std::uint8_t> payload{0xB5};
+  std::vector<std::uint8_t> payload = begin_payload(0xB5, 4);
   append_u16(payload, settings.operating_half_hours);
   append_u16(payload, settings.power_on_count);
   return payload;
 }
 
 std::vector<std::uint8_t> text_reply(std::uint8_t command, const std::string& text) {
-  std::vector<std::uint8_t> payload{command};
+  std::vector<std::uint8_t> payload = begin_payload(command, text.size());
   payload.insert(payload.end(), text.begin(), text.end());
   return payload;
 }
 
 std::vector<std::uint8_t> variant_reply(const LmsVariant& variant, bool is_accepted) {
-  std::vector<std::uint8_t> payload{0xBB, static_cast<std::uint8_t>(is_accepted ? 1 : 0)};
+  std::vector<std::uint8_t> payload = begin_payload(0xBB, 5);
+  payload.push_back(static_cast<std::uint8_t>(is_accepted ? 1 : 0));
   append_u16(payload, static_cast<unsigned>(variant.opening_deg));
   append_u16(payload, static_cast<unsigned>(variant.step_cdeg));
   return payload;
 }
 
 std::vector<std::uint8_t> config_reply(const LmsSettings& settings) {
-  std::vector<std::uint8_t> payload{0xF4};
+  std::vector<std::uint8_t> payload = begin_payload(0xF4, settings.config.size());
   payload.insert(payload.end(), settings.config.begin(), settings.config.end());
   return payload;
 }
 
 std::vector<std::uint8_t> config_written_reply(const LmsSettings& settings, bool is_accepted) {
-  std::vector<std::uint8_t> payload{0xF7, static_cast<std::uint8_t>(is_accepted ? 1 : 0)};
+  std::vector<std::uint8_t> payload = begin_payload(0xF7, settings.config.size() + 1);
+  payload.push_back(static_cast<std::uint8_t>(is_accepted ? 1 : 0));
   payload.insert(payload.end(), settings.config.begin(), settings.config.end());
   return payload;
 }
 
 std::vector<std::uint8_t> scan_reply(const LmsSettings& settings, std::span<const std::uint16_t> words,
                                      std::optional<int> partial, std::uint8_t scan_index, std::uint8_t telegram_index) {
-  std::vector<std::uint8_t> payload;
-  payload.reserve((2 * words.size()) + 6);
-  payload.push_back(0xB0);
+  std::vector<std::uint8_t> payload = begin_payload(0xB0, (2 * words.size()) + 4);
   auto header = static_cast<unsigned>(words.size());
   if (partial) { header |= (static_cast<unsigned>(*partial) << 11U) | (1U << 13U); }
   header |= static_cast<unsigned>(settings.config[kUnit]) << 14U;
