@@ -37,7 +37,7 @@ RESERVED_HEADERS = {
     r"polyclipping/": ("mapping/polygon", "tests"),
     r"embree[34]/": ("sim/ray_caster", "sim/scene"),
     r"png\.h$": ("tools",),
-    r"nlohmann/": ("tools", "tests", "bench"),
+    r"nlohmann/": ("daemon/run_record", "tools", "tests", "bench"),
     r"CLI/": ("daemon/main", "tools"),
     r"(gpiod|libusb-1\.0/.*|libusb|ftdi|libftdi1/.*)\.h(pp)?$": ("hal/io",),
     r"gtest/|gmock/|rapidcheck": ("tests",),
@@ -74,7 +74,7 @@ def is_in(path, places):
 def check_project_include(path, name, root):
     folder = path.split("/")[0]
     target = name.split("/")[0]
-    if folder == "tests" and (root / "tests" / name).is_file():
+    if folder == "tests" and any((base / name).is_file() for base in (root / "tests", (root / path).parent)):
         return None
     if target not in MAY_INCLUDE:
         return None if (root / name).is_file() else f'"{name}" is not a path from the root of the repository'
