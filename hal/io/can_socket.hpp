@@ -1,0 +1,42 @@
+#pragma once
+// A raw SocketCAN socket: classic frames and error frames, kernel time stamps.
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "hal/front_end.hpp"
+#include "hal/io/unique_fd.hpp"
+
+namespace rosid::hal {
+
+/// Non-blocking. One thread.
+class CanSocket {
+ public:
+  struct Received {
+    IoStatus status = IoStatus::WouldBlock;
+    CanFrame frame;
+    Duration age{};  ///< since the kernel took the frame; 0 when it did not say
+  };
+
+  /// Receives the given 11-bit identifiers and error frames only. Errors: Unsupported (no CAN in this kernel), NotFound
+  /// (no such interface), Io.
+  static Result<CanSocket> open(const std::string& interface, std::span<const std::uint32_t> identifiers);
+  /// Takes over a socket that carries struct can_frame, for example one end of a socket pair.
+  explicit CanSocket(UniqueFd fd) : fd_(std::move(fd)) {}
+
+  Received read();
+  /// WouldBlock when the interface's queue is full: try again later.
+  IoStatus write(const CanFrame& frame);
+  /// Frames the kernel dropped because nobody read them.
+  std::uint32_t dropped() const { return dropped_; }
+  int fd() const { return fd_.get(); }
+
+ private:
+  UniqueFd fd_;
+  std::uint32_t dropped_ = 0;
+};
+
+}  // namespace rosid::hal

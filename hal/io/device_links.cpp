@@ -1,0 +1,53 @@
+#include "hal/io/device_links.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <utility>
+
+#include "base/contract.hpp"
+
+namespace rosid::hal {
+
+namespace {
+constexpr Duration kTickPeriod = std::chrono::milliseconds(10);
+// A command that waits for the line to drain is looked at this often.
+constexpr Duration kBusyPeriod = std::chrono::milliseconds(1);
+}  // namespace
+
+Time monotonic_now() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return Time{std::chrono::seconds(now.tv_sec) + Duration{now.tv_nsec}};
+}
+
+Result<std::unique_ptr<DeviceLinks>> DeviceLinks::create(const HalConfig& config, LinkTap& tap, ClockFunction clock) {
+  auto loop = EventLoop::create(kTickPeriod);
+  if (!loop) { return tl::make_unexpected(loop.error()); }
+  return std::unique_ptr<DeviceLinks>(new DeviceLinks(config, std::move(*loop), tap, clock));
+}
+
+DeviceLinks::DeviceLinks(const HalConfig& config, EventLoop loop, LinkTap& tap, ClockFunction clock)
+    : loop_(std::move(loop)), clock_(clock), laser_(config.laser, loop_, tap, clock), can_(config, loop_, tap, clock) {}
+
+void DeviceLinks::attach(FrontEnd& front_end) {
+  ROSID_EXPECT(front_end_ == nullptr);
+  front_end_ = &front_end;
+  laser_.attach(front_end);
+  can_.attach(front_end);
+}
+
+void DeviceLinks::poll(Duration max_wait) {
+  ROSID_EXPECT(front_end_ != nullptr);
+  laser_.step();
+  can_.step();
+  const bool is_busy = laser_.is_busy() || can_.is_busy();
+  const EventLoop::Outcome outcome = loop_.wait(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
+  if (outcome.is_tick) { front_end_->tick(clock_()); }
+}
+
+const std::string& DeviceLinks::last_error(Device device) const {
+  return device == Device::Laser ? laser_.last_error() : can_.last_error();
+}
+
+}  // namespace rosid::hal

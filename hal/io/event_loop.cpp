@@ -1,0 +1,92 @@
+#include "hal/io/event_loop.hpp"
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/timerfd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+namespace rosid::hal {
+
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+// Marks of our own two descriptors among the handlers' pointers.
+const char kTimerMark = 't';
+const char kWakeMark = 'w';
+
+bool add_mark(int epoll, int fd, const char& mark) {
+  epoll_event event{};
+  event.events = EPOLLIN;
+  event.data.ptr = const_cast<char*>(&mark);  // epoll only hands it back
+  return ::epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event) == 0;
+}
+
+void drain_counter(int fd) {
+  std::uint64_t count = 0;
+  static_cast<void>(!::read(fd, &count, sizeof(count)));
+}
+
+}  // namespace
+
+Result<EventLoop> EventLoop::create(Duration tick_period) {
+  EventLoop loop;
+  loop.epoll_ = UniqueFd(::epoll_create1(EPOLL_CLOEXEC));
+  loop.timer_ = UniqueFd(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
+  loop.wake_ = UniqueFd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  itimerspec period{};
+  period.it_interval.tv_sec = tick_period.count() / kSecond_ns;
+  period.it_interval.tv_nsec = tick_period.count() % kSecond_ns;
+  period.it_value = period.it_interval;
+  const bool is_ready = loop.epoll_.is_open() && loop.timer_.is_open() && loop.wake_.is_open() &&
+                        ::timerfd_settime(loop.timer_.get(), 0, &period, nullptr) == 0 &&
+                        add_mark(loop.epoll_.get(), loop.timer_.get(), kTimerMark) &&
+                        add_mark(loop.epoll_.get(), loop.wake_.get(), kWakeMark);
+  if (!is_ready) { return make_error(ErrorCode::Io, fmt::format("no event loop: {}", std::strerror(errno))); }
+  return loop;
+}
+
+Result<void> EventLoop::watch(int fd, std::uint32_t events, EventHandler& handler) {
+  epoll_event event{};
+  event.events = events;
+  event.data.ptr = &handler;
+  if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) != 0) {
+    return make_error(ErrorCode::Io, fmt::format("descriptor cannot be watched: {}", std::strerror(errno)));
+  }
+  return {};
+}
+
+void EventLoop::unwatch(int fd) {
+  static_cast<void>(::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, fd, nullptr));
+}
+
+EventLoop::Outcome EventLoop::wait(Duration max_wait) {
+  // One event a call: a handler may close what a later event of the same batch would refer to.
+  epoll_event event{};
+  const auto wait_ms = std::chrono::ceil<std::chrono::milliseconds>(std::max(max_wait, Duration{0})).count();
+  const int n = ::epoll_wait(epoll_.get(), &event, 1, static_cast<int>(std::min<std::int64_t>(wait_ms, 60'000)));
+  Outcome outcome;
+  if (n <= 0) { return outcome; }
+  if (event.data.ptr == &kTimerMark) {
+    drain_counter(timer_.get());
+    outcome.is_tick = true;
+  } else if (event.data.ptr == &kWakeMark) {
+    drain_counter(wake_.get());
+    outcome.is_woken = true;
+  } else {
+    static_cast<EventHandler*>(event.data.ptr)->on_event(event.events);
+  }
+  return outcome;
+}
+
+void EventLoop::wake() const {
+  const std::uint64_t one = 1;
+  static_cast<void>(!::write(wake_.get(), &one, sizeof(one)));
+}
+
+}  // namespace rosid::hal

@@ -1,0 +1,297 @@
+// The links to the devices against a laser and an slcan adapter on pseudo-terminals, in real time but bounded.
+
+#include "hal/io/device_links.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/can/canopen.hpp"
+#include "hal/can/slcan.hpp"
+#include "tests/unit/hal/fake_lms.hpp"
+#include "tests/unit/hal/pty_pair.hpp"
+
+namespace rosid::hal {
+namespace {
+
+using test::FakeLms;
+using test::PtyPair;
+
+/// Keeps what a recorder would write.
+class Recording final : public LinkTap {
+ public:
+  void on_laser_received(Time t, std::span<const std::uint8_t> bytes) override {
+    received.push_back({t, {bytes.begin(), bytes.end()}});
+  }
+  void on_laser_sent(Time /*t*/, std::span<const std::uint8_t> bytes) override { sent_bytes += bytes.size(); }
+  void on_laser_link(Time t, bool is_open) override { laser_links.push_back({t, is_open}); }
+  void on_laser_baud(Time /*t*/, int baud) override { bauds.push_back(baud); }
+  void on_can_received(Time t, const CanFrame& frame) override {
+    EXPECT_TRUE(can_received.empty() || t > can_received.back().first);
+    can_received.emplace_back(t, frame);
+  }
+  void on_can_sent(Time /*t*/, const CanFrame& frame) override { can_sent.push_back(frame); }
+  void on_can_link(Time t, bool is_open) override { can_links.push_back({t, is_open}); }
+
+  struct Chunk {
+    Time t;
+    std::vector<std::uint8_t> bytes;
+  };
+  struct Link {
+    Time t;
+    bool is_open;
+  };
+  std::vector<Chunk> received;
+  std::size_t sent_bytes = 0;
+  std::vector<Link> laser_links;
+  std::vector<Link> can_links;
+  std::vector<int> bauds;
+  std::vector<std::pair<Time, CanFrame>> can_received;
+  std::vector<CanFrame> can_sent;
+};
+
+/// Links, front end and sink wired as the daemon does it.
+class Host final : public FrontEndSink {
+ public:
+  explicit Host(const HalConfig& config)
+      : links(std::move(*DeviceLinks::create(config, tap))), front_end(config, {}, *this) {
+    links->attach(front_end);
+  }
+  void on_line(const ScanLine& /*line*/) override { ++lines; }
+  void on_turret(const TurretSample& sample) override { turret.push_back(sample); }
+  void on_odometry(const OdometrySample& /*sample*/) override {}
+  void on_tilt(const TiltSample& /*sample*/) override {}
+  void write_laser(std::span<const std::uint8_t> bytes) override { links->write_laser(bytes); }
+  void set_laser_baud(int baud) override { links->set_laser_baud(baud); }
+  void write_can(const CanFrame& frame) override { links->write_can(frame); }
+
+  /// Polls until the condition holds; false after the limit.
+  bool run(double limit_s, const std::function<bool()>& until, const std::function<void()>& world = {}) {
+    const Time end = monotonic_now() + duration_from_s(limit_s);
+    while (monotonic_now() < end) {
+      links->poll(std::chrono::milliseconds(2));
+      if (world) { world(); }
+      if (until()) { return true; }
+    }
+    return false;
+  }
+  DeviceState state(Device d) const { return front_end.health()[static_cast<std::size_t>(d)].state; }
+
+  Recording tap;
+  int lines = 0;
+  std::vector<TurretSample> turret;
+  std::unique_ptr<DeviceLinks> links;
+  FrontEnd front_end;
+};
+
+/// The scripted laser behind a pseudo-terminal.
+class PtyLaser {
+ public:
+  void live() {
+    const Time now = monotonic_now();
+    const int host_baud = pty.baud();
+    const auto request = pty.read();
+    if (!request.empty()) { device.receive(now, request, host_baud); }
+    const auto bytes = device.transmit(now, host_baud);
+    if (!bytes.empty()) { pty.write(bytes); }
+  }
+  PtyPair pty;
+  FakeLms device;
+};
+
+HalConfig laser_at(const std::string& path) {
+  HalConfig config;
+  config.laser.device = path;
+  config.can.enabled = false;
+  return config;
+}
+
+HalConfig slcan_at(const std::string& path) {
+  HalConfig config;
+  config.laser.enabled = false;
+  config.can.link = CanLink::Slcan;
+  config.can.device = path;
+  return config;
+}
+
+/// A name in the file system that can be pointed at a device, taken away and pointed elsewhere, as udev does.
+class StableName {
+ public:
+  StableName() : path_(std::filesystem::temp_directory_path() / ("rosid-test-" + std::to_string(::getpid()))) {
+    remove();
+  }
+  ~StableName() { remove(); }
+  StableName(const StableName&) = delete;
+  StableName& operator=(const StableName&) = delete;
+  void point_at(const std::string& device) {
+    remove();
+    std::filesystem::create_symlink(device, path_);
+  }
+  void remove() {
+    std::error_code ignored;
+    std::filesystem::remove(path_, ignored);
+  }
+  std::string path() const { return path_.string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+TEST(DeviceLinks, BringALaserUpThroughABaudChange) {
+  PtyLaser laser;
+  laser.device.baud = 9600;
+  laser.device.config[lms::config_offset::kMeasuringMode] = lms::kMode32m;
+  laser.device.config[lms::config_offset::kAvailability] = lms::kAvailabilityIndices;
+  Host host(laser_at(laser.pty.path()));
+  EXPECT_TRUE(host.run(
+      10.0, [&] { return host.lines >= 20; }, [&] { laser.live(); }))
+      << host.front_end.detail(Device::Laser);
+  EXPECT_EQ(laser.device.baud, 500000);
+  EXPECT_EQ(laser.pty.baud(), 500000);
+  EXPECT_THAT(host.tap.bauds, testing::Contains(9600));
+  EXPECT_EQ(host.tap.bauds.back(), 500000);
+  EXPECT_EQ(host.links->last_error(Device::Laser), "");
+  // What the tap saw is enough to do it all again: same bytes, same lines.
+  class Silent final : public FrontEndSink {
+   public:
+    void on_line(const ScanLine& /*line*/) override { ++lines; }
+    void on_turret(const TurretSample& /*sample*/) override {}
+    void on_odometry(const OdometrySample& /*sample*/) override {}
+    void on_tilt(const TiltSample& /*sample*/) override {}
+    void write_laser(std::span<const std::uint8_t> /*bytes*/) override {}
+    void set_laser_baud(int /*baud*/) override {}
+    void write_can(const CanFrame& /*frame*/) override {}
+    int lines = 0;
+  } sink;
+  FrontEnd again(laser_at(laser.pty.path()), {}, sink);
+  Time t = host.tap.laser_links.at(0).t;
+  again.on_laser_link(t, true);
+  for (const auto& chunk : host.tap.received) {
+    for (; t < chunk.t; t += std::chrono::milliseconds(20)) { again.tick(t); }
+    again.on_laser_bytes(chunk.t, chunk.bytes);
+  }
+  EXPECT_EQ(sink.lines, host.lines);
+}
+
+TEST(DeviceLinks, AnAbsentLaserIsAStateWithAnAdviceAndIsTakenWhenItComes) {
+  StableName name;
+  Host host(laser_at(name.path()));
+  host.run(0.3, [] { return false; });
+  EXPECT_EQ(host.state(Device::Laser), DeviceState::Absent);
+  EXPECT_THAT(host.links->last_error(Device::Laser), testing::HasSubstr(name.path()));
+  const auto laser = std::make_unique<PtyLaser>();
+  laser->device.baud = 500000;
+  laser->device.config[lms::config_offset::kMeasuringMode] = lms::kMode32m;
+  laser->device.config[lms::config_offset::kAvailability] = lms::kAvailabilityIndices;
+  name.point_at(laser->pty.path());
+  EXPECT_TRUE(host.run(5.0, [&] { return host.lines >= 5; }, [&] { laser->live(); }));
+  // Unplugged in the middle of the stream, and back under another number.
+  laser->pty.unplug();
+  name.remove();
+  EXPECT_TRUE(host.run(2.0, [&] { return host.state(Device::Laser) == DeviceState::Absent; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), testing::HasSubstr("was"));
+  PtyLaser other;
+  other.device = laser->device;
+  other.device.is_streaming = true;
+  name.point_at(other.pty.path());
+  const int before = host.lines;
+  EXPECT_TRUE(host.run(5.0, [&] { return host.lines >= before + 5; }, [&] { other.live(); }));
+  ASSERT_EQ(host.tap.laser_links.size(), 3U);
+  EXPECT_FALSE(host.tap.laser_links[1].is_open);
+}
+
+/// Bus and turret node behind an slcan adapter.
+class PtyAdapter final : private SlcanSink {
+ public:
+  void live() {
+    parser_.feed(pty.read(), *this);
+    const Time now = monotonic_now();
+    if (!is_open_ || !is_started_ || now < t_next_) { return; }
+    t_next_ = now + std::chrono::milliseconds(10);
+    // Two frames in one write: they must not get one stamp.
+    for (int k = 0; k < 2; ++k) {
+      count += 3;
+      CanFrame f{.id = 0x183, .length = 4};
+      f.data[0] = static_cast<std::uint8_t>(count & 0xFFU);
+      f.data[1] = static_cast<std::uint8_t>(count >> 8U);
+      const SlcanText text = encode_slcan(f);
+      pending_.insert(pending_.end(), text.view().begin(), text.view().end());
+    }
+    pty.write(pending_);
+    pending_.clear();
+  }
+  PtyPair pty;
+  std::vector<std::string> lines;
+  unsigned count = 0;
+
+ private:
+  void on_slcan_frame(const CanFrame& frame) override {
+    if (is_open_ && frame.id == 0 && frame.data[0] == 0x01 && frame.data[1] == 3) { is_started_ = true; }
+  }
+  void on_slcan_line(std::string_view line) override {
+    lines.emplace_back(line);
+    if (line == "O") { is_open_ = true; }
+    const std::array<std::uint8_t, 1> answer{static_cast<std::uint8_t>(line == "C" && !is_open_ ? '\a' : '\r')};
+    pty.write(answer);
+  }
+  void on_slcan_error() override {}
+
+  SlcanParser parser_;
+  bool is_open_ = false;
+  bool is_started_ = false;
+  Time t_next_;
+  std::vector<std::uint8_t> pending_;
+};
+
+TEST(DeviceLinks, RunATurretOverAnSlcanAdapter) {
+  PtyAdapter adapter;
+  Host host(slcan_at(adapter.pty.path()));
+  EXPECT_TRUE(host.run(
+      8.0, [&] { return host.turret.size() >= 20; }, [&] { adapter.live(); }))
+      << host.front_end.detail(Device::Turret);
+  EXPECT_THAT(adapter.lines, testing::IsSupersetOf({"C", "S5", "O"}));
+  EXPECT_EQ(host.state(Device::Turret), DeviceState::Running);
+  EXPECT_EQ(host.links->can().counters().adapter_errors, 1U);
+  EXPECT_EQ(host.front_end.health()[static_cast<std::size_t>(Device::Turret)].rejected, 0U);
+  for (std::size_t k = 1; k < host.turret.size(); ++k) { EXPECT_GT(host.turret[k].t, host.turret[k - 1].t); }
+  adapter.pty.unplug();
+  EXPECT_TRUE(host.run(2.0, [&] { return host.state(Device::Can) == DeviceState::Absent; }));
+  EXPECT_NE(host.links->last_error(Device::Can), "");
+}
+
+TEST(DeviceLinks, ACanSocketIsReadAndWritten) {
+  int ends[2];
+  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends), 0);
+  std::optional<CanSocket> bus(CanSocket{UniqueFd(ends[1])});
+  HalConfig config;
+  config.laser.enabled = false;
+  config.can.device = "rosid-nocan0";
+  Host host(config);
+  host.links->adopt_can(CanSocket{UniqueFd(ends[0])});
+  bool is_started = false;
+  unsigned count = 0;
+  const auto world = [&] {
+    for (auto got = bus->read(); got.status == IoStatus::Done; got = bus->read()) {
+      is_started = is_started || (got.frame.id == 0 && got.frame.data[0] == 0x01 && got.frame.data[1] == 3);
+    }
+    if (!is_started) { return; }
+    CanFrame f{.id = 0x183, .length = 4};
+    f.data[0] = static_cast<std::uint8_t>(++count & 0xFFU);
+    static_cast<void>(bus->write(f));
+  };
+  EXPECT_TRUE(host.run(8.0, [&] { return host.turret.size() >= 20; }, world)) << host.front_end.detail(Device::Turret);
+  EXPECT_EQ(host.state(Device::Can), DeviceState::Running);
+  EXPECT_EQ(host.tap.can_received.size() >= 20, true);
+  EXPECT_FALSE(host.tap.can_sent.empty());
+  bus.reset();
+  EXPECT_TRUE(host.run(2.0, [&] { return host.state(Device::Can) == DeviceState::Absent; }));
+}
+
+}  // namespace
+}  // namespace rosid::hal
