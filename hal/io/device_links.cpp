@@ -28,7 +28,11 @@ Result<std::unique_ptr<DeviceLinks>> DeviceLinks::create(const HalConfig& config
 }
 
 DeviceLinks::DeviceLinks(const HalConfig& config, EventLoop loop, LinkTap& tap, ClockFunction clock)
-    : loop_(std::move(loop)), clock_(clock), laser_(config.laser, loop_, tap, clock), can_(config, loop_, tap, clock) {}
+    : loop_(std::move(loop)),
+      tap_(tap),
+      clock_(clock),
+      laser_(config.laser, loop_, tap, clock),
+      can_(config, loop_, tap, clock) {}
 
 void DeviceLinks::attach(FrontEnd& front_end) {
   ROSID_EXPECT(front_end_ == nullptr);
@@ -43,7 +47,7 @@ void DeviceLinks::poll(Duration max_wait) {
   can_.step();
   const bool is_busy = laser_.is_busy() || can_.is_busy();
   const EventLoop::Outcome outcome = loop_.wait(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
-  if (outcome.is_tick) { front_end_->tick(clock_()); }
+  if (outcome.is_tick) { tap_.on_tick(clock_(), *front_end_); }
 }
 
 const std::string& DeviceLinks::last_error(Device device) const {

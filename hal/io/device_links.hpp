@@ -58,6 +58,7 @@ class DeviceLinks {
   DeviceLinks(const HalConfig& config, EventLoop loop, LinkTap& tap, ClockFunction clock);
 
   EventLoop loop_;
+  LinkTap& tap_;
   ClockFunction clock_;
   LaserLink laser_;
   CanBus can_;
