@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <string>
 
 #include "base/units.hpp"
@@ -74,6 +76,20 @@ TEST(Worlds, TheCorridorNeverShowsItsEnds) {
       EXPECT_FALSE(faces_along && hit->range_m < plant->world().laser.max_range_m) << to_s(t) << " s, " << angle;
     }
   }
+}
+
+TEST(Worlds, TheSmallestWorldOfTheManualCanBeDriven) {
+  std::ifstream file(ROSID_WORLDS_MANUAL);
+  const std::string manual((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const std::string fence = "```toml\n";
+  const auto begin = manual.find(fence);
+  ASSERT_NE(begin, std::string::npos);
+  const auto end = manual.find("```", begin + fence.size());
+  const auto world = config::parse_world(manual.substr(begin + fence.size(), end - begin - fence.size()), "worlds.md");
+  ASSERT_TRUE(world) << to_string(world.error().front());
+  const auto plant = SimulatedPlant::create(*world, 1);
+  ASSERT_TRUE(plant) << plant.error().message;
+  EXPECT_NEAR((*plant)->distance_m((*plant)->t_end()), 5.0, 1e-9);
 }
 
 }  // namespace
