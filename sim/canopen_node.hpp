@@ -33,7 +33,7 @@ struct CanopenOptions {
 /// Pure object, one thread. Calls carry non-decreasing times.
 class CanopenNode {
  public:
-  enum class NmtState : std::uint8_t { Off, Stopped = 0x04, Operational = 0x05, PreOperational = 0x7F };
+  enum class NmtState : std::uint8_t { Off = 0x00, Stopped = 0x04, Operational = 0x05, PreOperational = 0x7F };
 
   CanopenNode(const CanopenOptions& options, Time t_power_on);
   virtual ~CanopenNode() = default;
@@ -81,7 +81,7 @@ class CanopenNode {
   static constexpr std::uint32_t key(unsigned index, unsigned sub) { return (index << 8U) | sub; }
   void define_communication();
   void on_nmt(Time t, const hal::CanFrame& frame);
-  void on_sdo(Time t, const hal::CanFrame& frame);
+  void on_sdo(Time t, const hal::CanFrame& request);
   hal::CanFrame upload(std::uint32_t object_key);
   hal::CanFrame download(const hal::CanFrame& request, std::uint32_t object_key);
   std::uint32_t why_refused(std::uint32_t object_key, std::uint32_t value, std::optional<unsigned> size);

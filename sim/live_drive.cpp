@@ -23,7 +23,7 @@ constexpr Duration kGapLimit = std::chrono::milliseconds(50);
 
 Time monotonic_now() {
   timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
+  static_cast<void>(clock_gettime(CLOCK_MONOTONIC, &now));  // cannot fail with this clock
   return time_from_ns((std::int64_t{now.tv_sec} * 1'000'000'000) + now.tv_nsec);
 }
 
@@ -157,7 +157,8 @@ void LiveDrive::Impl::obey_faults() {
     if (was_plugged && !can_port) { slcan = SlcanAdapter(options.bench.can_bitrate); }
   }
   const std::optional<double> loss_s = options.faults.laser_power_loss_s;
-  if (loss_s && !has_lost_power && drive_s() && *drive_s() >= *loss_s) {
+  const std::optional<double> now_s = drive_s();
+  if (loss_s && !has_lost_power && now_s && *now_s >= *loss_s) {
     has_lost_power = true;
     bench.laser().power_cycle(t_now);
   }

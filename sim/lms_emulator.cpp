@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
-#include <string_view>
 
 #include "base/units.hpp"
 
@@ -13,7 +11,6 @@ namespace {
 constexpr double kMirrorRate_hz = 75.0;
 constexpr double kBitsPerByte = 10.0;  // 8N1
 constexpr std::uint8_t kPowerOnStatus = 0x13;
-constexpr std::string_view kPassword = "SICK_LMS";
 
 Time far_future() {
   return Time::max();
@@ -21,6 +18,13 @@ Time far_future() {
 
 Duration byte_time(int baud, std::size_t count) {
   return Duration{std::llround(kBitsPerByte * 1e9 * static_cast<double>(count) / static_cast<double>(baud))};
+}
+
+/// Takes the whole bytes out of a number of bytes.
+int whole_part(double& count) {
+  const double whole = std::floor(count);
+  count -= whole;
+  return static_cast<int>(whole);
 }
 
 double angle_of(int first_cdeg, int step_cdeg, int beam) {
@@ -64,7 +68,7 @@ Time LmsEmulator::next_due() const {
   Time due = far_future();
   if (!inbox_.empty()) { due = inbox_.front().t; }
   if (stage_ != Stage::Idle && stage_ != Stage::MeasureOnce) { due = std::min(due, stage_due_); }
-  if (sweep_) { due = std::min(due, sweep_end(sweep_->next_turn)); }
+  if (sweep_.is_active) { due = std::min(due, sweep_end(sweep_.next_turn)); }
   return due;
 }
 
@@ -90,7 +94,7 @@ void LmsEmulator::take_inbound() {
   // A receiver at another rate sees as many characters as fit into the time the sender took.
   const double ratio = static_cast<double>(settings_.baud) / static_cast<double>(inbound.host_baud);
   garble_in_ += std::min(ratio, 4.0) * static_cast<double>(inbound.bytes.size());
-  for (; garble_in_ >= 1.0; garble_in_ -= 1.0) { hear(inbound.t, random_.byte()); }
+  for (int count = whole_part(garble_in_); count > 0; --count) { hear(inbound.t, random_.byte()); }
 }
 
 void LmsEmulator::hear(Time t, std::uint8_t byte) {
@@ -156,7 +160,7 @@ void LmsEmulator::power_cycle(Time t) {
 }
 
 void LmsEmulator::begin_reboot(Time t) {
-  sweep_.reset();
+  sweep_.is_active = false;
   parser_.clear();
   requests_.clear();
   stage_ = Stage::Reboot;
@@ -189,7 +193,9 @@ void LmsEmulator::emit(Time until, std::vector<LineByte>& out) {
 void LmsEmulator::emit_garbled(const OutByte& byte, std::vector<LineByte>& out) {
   const double ratio = static_cast<double>(host_baud_) / static_cast<double>(byte.baud);
   garble_out_ += std::min(ratio, 4.0);
-  for (; garble_out_ >= 1.0; garble_out_ -= 1.0) { out.push_back({.t = byte.byte.t, .value = random_.byte()}); }
+  for (int count = whole_part(garble_out_); count > 0; --count) {
+    out.push_back({.t = byte.byte.t, .value = random_.byte()});
+  }
 }
 
 // ---- mirror and measurement ----
@@ -211,15 +217,19 @@ Time LmsEmulator::sweep_end(std::int64_t turn) const {
 void LmsEmulator::start_sweep(Time t, bool is_partial, bool is_single) {
   const double turns = static_cast<double>((t - mirror_epoch_).count()) / mirror_period_ns_;
   const auto first = static_cast<std::int64_t>(std::ceil(turns));
-  sweep_ =
-      Sweep{.is_partial = is_partial, .is_single = is_single, .first_turn = first, .next_turn = first, .words = {}};
+  sweep_ = Sweep{.is_active = true,
+                 .is_partial = is_partial,
+                 .is_single = is_single,
+                 .first_turn = first,
+                 .next_turn = first,
+                 .words = {}};
   sweep_variant_ = settings_.variant;
 }
 
 void LmsEmulator::run_sweep(Time t) {
-  const std::int64_t turn = sweep_->next_turn++;
-  const int turns = sweep_->is_partial ? 1 : sweep_variant_.turns();
-  const int place = static_cast<int>((turn - sweep_->first_turn) % turns);
+  const std::int64_t turn = sweep_.next_turn++;
+  const int turns = sweep_.is_partial ? 1 : sweep_variant_.turns();
+  const int place = static_cast<int>((turn - sweep_.first_turn) % turns);
   const bool is_complete = place == turns - 1;
   if (turns == 1 && line_free_ > t) {  // the line is slower than the mirror
     ++skipped_scans_;
@@ -232,32 +242,32 @@ void LmsEmulator::run_sweep(Time t) {
     return;
   }
   send_scan(t, turn);
-  if (sweep_->is_single) {
-    sweep_.reset();
+  if (sweep_.is_single) {
+    sweep_.is_active = false;
     finish_request(t);
   }
 }
 
 void LmsEmulator::measure_turn(std::int64_t turn, int first_beam, int beam_stride) {
   const int raster = static_cast<int>(((turn % 4) + 4) % 4);
-  const int first_cdeg = sweep_->is_partial ? 25 * raster : sweep_variant_.first_cdeg();
-  const int step_cdeg = sweep_->is_partial ? 100 : sweep_variant_.step_cdeg;
-  const int count = sweep_->is_partial ? (raster == 0 ? 181 : 180) : sweep_variant_.beam_count();
-  sweep_->words.resize(static_cast<std::size_t>(count));
+  const int first_cdeg = sweep_.is_partial ? 25 * raster : sweep_variant_.first_cdeg();
+  const int step_cdeg = sweep_.is_partial ? 100 : sweep_variant_.step_cdeg;
+  const int count = sweep_.is_partial ? (raster == 0 ? 181 : 180) : sweep_variant_.beam_count();
+  sweep_.words.resize(static_cast<std::size_t>(count));
   const Time start = turn_start(turn);
   for (int j = first_beam; j < count; j += beam_stride) {
     const double angle = angle_of(first_cdeg, step_cdeg, j);
     const Time t = start + Duration{std::llround(mirror_period_ns_ * angle / (2.0 * kPi))};
-    sweep_->words[static_cast<std::size_t>(j)] = range_word(settings_, plant_.measure_range_m(t, angle));
+    sweep_.words[static_cast<std::size_t>(j)] = range_word(settings_, plant_.measure_range_m(t, angle));
   }
 }
 
 void LmsEmulator::send_scan(Time t, std::int64_t turn) {
   const int raster = static_cast<int>(((turn % 4) + 4) % 4);
-  const int turns = sweep_->is_partial ? 1 : sweep_variant_.turns();
-  const std::optional<int> partial = sweep_->is_partial ? std::optional<int>(raster) : std::nullopt;
+  const int turns = sweep_.is_partial ? 1 : sweep_variant_.turns();
+  const std::optional<int> partial = sweep_.is_partial ? std::optional<int>(raster) : std::nullopt;
   const auto scan_index = static_cast<std::uint8_t>(turn & 0xFF);
-  reply(t, scan_reply(settings_, sweep_->words, partial, scan_index, telegram_index_));
+  reply(t, scan_reply(settings_, sweep_.words, partial, scan_index, telegram_index_));
   ++telegram_index_;
   if (!observer_) { return; }
   const int first_cdeg = partial ? 25 * raster : sweep_variant_.first_cdeg();
@@ -267,131 +277,9 @@ void LmsEmulator::send_scan(Time t, std::int64_t turn) {
              .mirror_period_ns = std::llround(mirror_period_ns_),
              .first_angle_rad = angle_of(first_cdeg, step_cdeg, 0),
              .angle_step_rad = angle_of(0, step_cdeg, 1),
-             .beam_count = static_cast<int>(sweep_->words.size()),
+             .beam_count = static_cast<int>(sweep_.words.size()),
              .interlace = turns,
              .raster = partial ? raster : 0});
-}
-
-// ---- commands ----
-
-Duration LmsEmulator::time_for(std::span<const std::uint8_t> request) const {
-  switch (request.front()) {
-    case 0x20: return options_.mode_time;
-    case 0x3B: return options_.variant_time;
-    case 0x77: return options_.config_time;
-    default: return options_.query_time;
-  }
-}
-
-void LmsEmulator::execute(Time t) {
-  const std::vector<std::uint8_t>& request = requests_.front();
-  const bool is_query = request.size() == 1;
-  switch (request.front()) {
-    case 0x20: execute_mode(t); return;
-    case 0x30: execute_single_scan(t); return;
-    case 0x3B: execute_variant(t); return;
-    case 0x77: execute_write_config(t); return;
-    case 0x10:
-      if (!is_query) { break; }
-      reply(t, {0x91});
-      begin_reboot(line_free_);
-      return;
-    case 0x31:
-      if (!is_query) { break; }
-      reply(t, status_reply(settings_, static_cast<int>(std::lround(60e9 / mirror_period_ns_))));
-      finish_request(t);
-      return;
-    case 0x32:
-      if (!is_query) { break; }
-      reply(t, error_reply(settings_));
-      finish_request(t);
-      return;
-    case 0x35:
-      if (!is_query) { break; }
-      reply(t, counter_reply(settings_));
-      finish_request(t);
-      return;
-    case 0x3A:
-      if (!is_query) { break; }
-      reply(t, text_reply(0xBA, settings_.type));
-      finish_request(t);
-      return;
-    case 0x74:
-      if (!is_query) { break; }
-      reply(t, config_reply(settings_));
-      finish_request(t);
-      return;
-    default: break;
-  }
-  reply(t, {0x92});
-  finish_request(t);
-}
-
-void LmsEmulator::execute_mode(Time t) {
-  constexpr std::uint8_t kDone = 0;
-  constexpr std::uint8_t kWrongPassword = 1;
-  constexpr std::uint8_t kRefused = 2;
-  const std::vector<std::uint8_t>& request = requests_.front();
-  const std::uint8_t mode = request.size() > 1 ? request[1] : 0xFF;
-  std::uint8_t result = kRefused;
-  if (mode == lms_mode::kInstallation) {
-    const std::string_view password = kPassword;
-    const bool is_right = request.size() == 2 + password.size() &&
-                          std::equal(password.begin(), password.end(), request.begin() + 2,
-                                     [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; });
-    result = is_right ? kDone : kWrongPassword;
-  } else if (request.size() == 2) {
-    if (const auto baud = baud_of_code(mode)) {
-      reply(t, {0xA0, kDone});  // still at the old rate
-      next_baud_ = *baud;
-      stage_ = Stage::ChangeBaud;
-      stage_due_ = line_free_;
-      return;
-    }
-    const bool is_known = mode == lms_mode::kDiagnosis || mode == lms_mode::kCompleteScans ||
-                          mode == lms_mode::kOnRequest || mode == lms_mode::kPartialScans;
-    if (is_known) { result = kDone; }
-  }
-  reply(t, {0xA0, result});
-  if (result == kDone) {
-    settings_.mode = mode;
-    sweep_.reset();
-    if (is_streaming(settings_)) { start_sweep(line_free_, mode == lms_mode::kPartialScans, false); }
-  }
-  finish_request(t);
-}
-
-void LmsEmulator::execute_single_scan(Time t) {
-  const std::vector<std::uint8_t>& request = requests_.front();
-  const bool is_known = request.size() == 2 && (request[1] == 0x01 || request[1] == 0x08);
-  if (!is_known || is_streaming(settings_)) {
-    reply(t, {0x92});
-    finish_request(t);
-    return;
-  }
-  start_sweep(t, request[1] == 0x08, true);
-  stage_ = Stage::MeasureOnce;
-}
-
-void LmsEmulator::execute_variant(Time t) {
-  const std::vector<std::uint8_t>& request = requests_.front();
-  LmsVariant wanted = settings_.variant;
-  if (request.size() == 5) {
-    wanted.opening_deg = request[1] + (request[2] << 8);
-    wanted.step_cdeg = request[3] + (request[4] << 8);
-  }
-  const bool is_accepted = request.size() == 5 && is_offered(wanted) && !is_streaming(settings_);
-  if (is_accepted) { settings_.variant = wanted; }
-  reply(t, variant_reply(settings_.variant, is_accepted));
-  finish_request(t);
-}
-
-void LmsEmulator::execute_write_config(Time t) {
-  const std::span<const std::uint8_t> wanted = std::span<const std::uint8_t>(requests_.front()).subspan(1);
-  const bool is_accepted = settings_.mode == lms_mode::kInstallation && is_supported(wanted);
-  if (is_accepted) { std::copy(wanted.begin(), wanted.end(), settings_.config.begin()); }
-  reply(t, config_written_reply(settings_, is_accepted));
-  finish_request(t);
 }
 
 }  // namespace rosid::sim

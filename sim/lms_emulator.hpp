@@ -95,7 +95,9 @@ class LmsEmulator {
     LineByte byte;
     int baud = 0;
   };
+  /// The measurement that runs while the mirror turns.
   struct Sweep {
+    bool is_active = false;
     bool is_partial = false;
     bool is_single = false;  ///< one scan on request
     std::int64_t first_turn = 0;
@@ -108,6 +110,7 @@ class LmsEmulator {
   void hear(Time t, std::uint8_t byte);
   void run_stage(Time t);
   void execute(Time t);
+  std::vector<std::uint8_t> answer(std::uint8_t query) const;
   void execute_mode(Time t);
   void execute_single_scan(Time t);
   void execute_variant(Time t);
@@ -146,7 +149,7 @@ class LmsEmulator {
 
   Time mirror_epoch_;
   double mirror_period_ns_ = 0.0;
-  std::optional<Sweep> sweep_;
+  Sweep sweep_;
   LmsVariant sweep_variant_;
   std::uint8_t telegram_index_ = 0;
   std::uint64_t skipped_scans_ = 0;

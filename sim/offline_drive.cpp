@@ -199,7 +199,7 @@ Result<DriveReport> run_offline_drive(Plant& plant, const OfflineOptions& option
     }
     host.live_one_read();
   }
-  if (host.error()) { return tl::unexpected(*host.error()); }
+  if (const std::optional<Error> error = host.error(); error) { return tl::unexpected(*error); }
   report.drive_end = host.now();
   report.laser_bytes = host.laser_bytes();
   report.can_frames = host.can_frames();
