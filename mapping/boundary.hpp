@@ -100,6 +100,12 @@ struct PatchOutline {
 /// to a tolerance of half a pixel, 15 mm at least, without ever crossing. False when nothing with an area remains.
 bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline);
 
+/// Makes outer and inner rings free of crossings (folds where the vehicle turned under way, rings that touch) by the
+/// boolean operations of polygon.hpp; edges keep the type of the nearest edge before. Keeps the largest piece.
+void resolve_crossings(PatchOutline& outline);
+/// No ring crosses itself or another one.
+bool is_sound(const PatchOutline& outline);
+
 /// Signed area, counter-clockwise positive.
 double signed_area(const std::vector<Vec2>& vertices);
 /// True when no two edges touch other than neighbours at their common vertex. O(n^2).

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "mapping/boundary.hpp"
+#include "mapping/polygon.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -17,29 +18,6 @@ constexpr double kToleranceMax_m = 0.08;
 constexpr double kTypeRun_m = 0.20;
 /// Holes smaller than this are noise.
 constexpr double kMinHole_m2 = 0.0025;
-constexpr int kHalvings = 4;
-
-double cross(const Vec2& a, const Vec2& b) {
-  return (a.x() * b.y()) - (a.y() * b.x());
-}
-
-double distance_to_segment(const Vec2& p, const Vec2& a, const Vec2& b) {
-  const Vec2 ab = b - a;
-  const double length2 = ab.squaredNorm();
-  const double t = length2 > 0.0 ? std::clamp((p - a).dot(ab) / length2, 0.0, 1.0) : 0.0;
-  return (p - a - t * ab).norm();
-}
-
-bool segments_touch(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
-  const double d1 = cross(b - a, c - a);
-  const double d2 = cross(b - a, d - a);
-  const double d3 = cross(d - c, a - c);
-  const double d4 = cross(d - c, b - c);
-  const bool crosses = ((d1 > 0.0) != (d2 > 0.0)) && ((d3 > 0.0) != (d4 > 0.0));
-  constexpr double kTouch_m = 1e-9;
-  return crosses || distance_to_segment(c, a, b) < kTouch_m || distance_to_segment(d, a, b) < kTouch_m ||
-         distance_to_segment(a, c, d) < kTouch_m || distance_to_segment(b, c, d) < kTouch_m;
-}
 
 std::vector<double> lengths_of(const CrackRing& ring) {
   std::vector<double> lengths(ring.cracks.size());
@@ -104,7 +82,7 @@ void thin(const CrackRing& ring, std::size_t from, std::size_t to, double tolera
     std::size_t at = a;
     for (std::size_t v = a + 1; v < b; ++v) {
       const double d =
-          distance_to_segment(ring.cracks[v % n].start, ring.cracks[a % n].start, ring.cracks[b % n].start);
+          distance_to_segment_m(ring.cracks[v % n].start, ring.cracks[a % n].start, ring.cracks[b % n].start);
       if (d > worst) {
         worst = d;
         at = v;
@@ -165,26 +143,6 @@ double typical_footprint(const CrackRing& ring) {
 
 }  // namespace
 
-double signed_area(const std::vector<Vec2>& vertices) {
-  double twice = 0.0;
-  for (std::size_t v = 0; v < vertices.size(); ++v) {
-    twice += cross(vertices[v], vertices[(v + 1) % vertices.size()]);
-  }
-  return 0.5 * twice;
-}
-
-bool is_simple(const std::vector<Vec2>& vertices) {
-  const std::size_t n = vertices.size();
-  if (n < 3) { return false; }
-  for (std::size_t a = 0; a < n; ++a) {
-    for (std::size_t b = a + 2; b < n; ++b) {
-      if (a == 0 && b + 1 == n) { continue; }
-      if (segments_touch(vertices[a], vertices[a + 1], vertices[b], vertices[(b + 1) % n])) { return false; }
-    }
-  }
-  return true;
-}
-
 bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline) {
   outline = PatchOutline{};
   std::vector<double> areas;
@@ -200,12 +158,10 @@ bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline) {
   double length = 0.0;
   for (std::size_t r = 0; r < rings.size(); ++r) {
     const std::vector<double> lengths = lengths_of(rings[r]);
-    double tolerance = std::clamp(kTolerancePixels * typical_footprint(rings[r]), kToleranceMin_m, kToleranceMax_m);
+    const double tolerance =
+        std::clamp(kTolerancePixels * typical_footprint(rings[r]), kToleranceMin_m, kToleranceMax_m);
     Ring ring = thinned(rings[r], lengths, tolerance);
-    for (int halving = 0; halving < kHalvings && !is_simple(ring.vertices); ++halving) {
-      tolerance *= 0.5;
-      ring = thinned(rings[r], lengths, tolerance);
-    }
+    if (!is_simple(ring.vertices)) { ring = thinned(rings[r], lengths, 0.5 * tolerance); }
     const double area = signed_area(ring.vertices);
     const bool is_outer = r == outer;
     if (ring.vertices.size() < 3 || (!is_outer && std::abs(area) < kMinHole_m2)) { continue; }
@@ -215,7 +171,6 @@ bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline) {
       length += lengths[v];
       open_length += type == EdgeType::Crease || type == EdgeType::Occluding ? 0.0 : lengths[v];
     }
-    outline.area_m2 += is_outer ? std::abs(area) : -std::abs(area);
     if (is_outer) {
       outline.outer = std::move(ring);
     } else {
@@ -223,6 +178,9 @@ bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline) {
     }
   }
   outline.occlusion = length > 0.0 ? open_length / length : 1.0;
+  if (!is_sound(outline)) { resolve_crossings(outline); }
+  outline.area_m2 = signed_area(outline.outer.vertices);
+  for (const Ring& hole : outline.inner) { outline.area_m2 += signed_area(hole.vertices); }
   return outline.outer.vertices.size() >= 3 && outline.area_m2 > 0.0;
 }
 

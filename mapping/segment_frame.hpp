@@ -42,8 +42,9 @@ class SegmentFrame {
   Vec3 sweep(std::size_t k) const { return sweep_[k].cast<double>(); }
   /// What the pixels around a pixel say about the surface there; computed when first asked for.
   struct Local {
-    Eigen::Vector3f normal = Eigen::Vector3f::Zero();  ///< towards the sensor; zero when the surroundings are not planar
-    float curvature = -1.0F;  ///< share of the smallest eigenvalue in the scatter; negative when unknown
+    Eigen::Vector3f normal =
+        Eigen::Vector3f::Zero();  ///< towards the sensor; zero when the surroundings are not planar
+    float curvature = -1.0F;      ///< share of the smallest eigenvalue in the scatter; negative when unknown
     bool is_known = false;
   };
   const Local& local(std::size_t k) const {

@@ -1,9 +1,9 @@
+#include "mapping/config.hpp"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
-
-#include "mapping/config.hpp"
 
 namespace rosid::mapping {
 namespace {

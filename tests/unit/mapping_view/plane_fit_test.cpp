@@ -111,8 +111,7 @@ TEST(PlaneFit, SystematicFloorIsAddedAtTheEnd) {
   Calibration calibration = noise_only();
   calibration.range_systematic_sigma_m = 0.02;
   calibration.angle_systematic_sigma_rad = 0.01;
-  const SurfaceView view =
-      Segmenter(SegmenterConfig{}, calibration).segment(look_at(scene, Look{}, calibration).image);
+  const SurfaceView view = Segmenter(SegmenterConfig{}, calibration).segment(look_at(scene, Look{}, calibration).image);
   ASSERT_FALSE(view.patches.empty());
   const Mat3& C = view.patches[0].plane.covariance_independent;
   EXPECT_GE(C(0, 0), 1e-4);

@@ -77,8 +77,8 @@ TEST(SegmenterOddImages, NotFiniteAnywhere) {
   std::mt19937_64 random(3);
   std::uniform_int_distribution<int> die(0, 5);
   RangeImage image = with_ranges(90, 61, [&](int, int) {
-    const double odd[6] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), -1.0, 0.0,
-                           1e30, 2.0};
+    const double odd[6] = {
+        std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), -1.0, 0.0, 1e30, 2.0};
     return odd[die(random)];
   });
   for (std::size_t k = 0; k < image.size(); k += 7) {

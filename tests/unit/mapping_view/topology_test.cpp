@@ -11,8 +11,8 @@
 namespace rosid::mapping {
 namespace {
 
-using test::look_at;
 using test::Look;
+using test::look_at;
 
 /// The disc chart of the same raster [maths (2.5)]: spoke, ring; crossing the middle goes on on the opposite spoke.
 struct Disc {
@@ -47,7 +47,9 @@ TEST(Topology, MoebiusNeighboursAreThoseOfTheDisc) {
       std::set<std::size_t> of_disc;
       for (int ds = -1; ds <= 1; ++ds) {
         for (int dr = -1; dr <= 1; ++dr) {
-          if ((ds != 0 || dr != 0) && std::abs(ring + dr) <= kHalf) { of_disc.insert(disc.index(spoke + ds, ring + dr)); }
+          if ((ds != 0 || dr != 0) && std::abs(ring + dr) <= kHalf) {
+            of_disc.insert(disc.index(spoke + ds, ring + dr));
+          }
         }
       }
       ASSERT_EQ(of_band, of_disc) << "line " << i << " column " << j;
@@ -110,7 +112,8 @@ TEST(Topology, SeamIsShiftedWhenTheVehicleTurnedMeanwhile) {
   ASSERT_TRUE(topology.is_glued());
   const RasterStep step = topology.at(look.lines, 30);
   ASSERT_TRUE(step.is_inside && step.flipped && step.i == 0);
-  const float cosine = image.direction_V[image.index(look.lines - 1, 30)].dot(image.direction_V[image.index(0, step.j)]);
+  const float cosine =
+      image.direction_V[image.index(look.lines - 1, 30)].dot(image.direction_V[image.index(0, step.j)]);
   EXPECT_GT(cosine, std::cos(1.1 * look.step_rad));
 }
 
