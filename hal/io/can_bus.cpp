@@ -4,10 +4,10 @@
 #include <sys/epoll.h>
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "hal/can/canopen.hpp"
+#include "hal/io/errno_text.hpp"
 
 namespace rosid::hal {
 
@@ -141,7 +141,7 @@ void CanBus::read_socket() {
     const CanSocket::Received got = socket_->read();
     if (got.status == IoStatus::WouldBlock) { break; }
     if (got.status != IoStatus::Done) {
-      close(fmt::format("{} went down: {}", config_.device, std::strerror(errno)));
+      close(fmt::format("{} went down: {}", config_.device, errno_text(got.error)));
       return;
     }
     reopen_.on_success();
@@ -211,7 +211,7 @@ void CanBus::write(const CanFrame& frame) {
 }
 
 IoStatus CanBus::send_text() {
-  while (text_sent_ < text_.size) {
+  while (adapter_ && text_sent_ < text_.size) {
     const IoResult put = adapter_->write(text_.view().subspan(text_sent_));
     if (put.status != IoStatus::Done) { return put.status; }
     text_sent_ += put.size;
@@ -221,6 +221,7 @@ IoStatus CanBus::send_text() {
 
 IoStatus CanBus::send(const CanFrame& frame) {
   if (socket_) { return socket_->write(frame); }
+  if (!adapter_) { return IoStatus::Closed; }
   // A line once begun is finished first.
   const IoStatus rest = send_text();
   if (rest != IoStatus::Done) { return rest; }

@@ -80,7 +80,7 @@ class CanBus final : private EventHandler, private SlcanSink {
   void pump();
   IoStatus send(const CanFrame& frame);
   IoStatus send_text();
-  int fd() const { return socket_ ? socket_->fd() : adapter_->fd(); }
+  int fd() const { return socket_ ? socket_->fd() : (adapter_ ? adapter_->fd() : -1); }
 
   CanConfig config_;
   std::vector<std::uint32_t> identifiers_;

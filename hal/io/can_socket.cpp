@@ -15,6 +15,8 @@
 #include <ctime>
 #include <vector>
 
+#include "hal/io/errno_text.hpp"
+
 namespace rosid::hal {
 
 namespace {
@@ -50,7 +52,7 @@ can_frame to_kernel(const CanFrame& frame) {
 /// Stamps are of the wall clock: only their age now is of use. A clock that was just set gives nonsense, told as 0.
 Duration age_of(const timespec& stamp) {
   timespec now{};
-  ::clock_gettime(CLOCK_REALTIME, &now);
+  if (::clock_gettime(CLOCK_REALTIME, &now) != 0) { return Duration{0}; }
   const Duration age = std::chrono::seconds(now.tv_sec - stamp.tv_sec) + Duration{now.tv_nsec - stamp.tv_nsec};
   const bool is_sane = age >= Duration{0} && age < std::chrono::seconds(1);
   return is_sane ? age : Duration{0};
@@ -68,7 +70,7 @@ Result<CanSocket> CanSocket::open(const std::string& interface, std::span<const 
   if (!fd.is_open()) {
     return make_error(
         ErrorCode::Unsupported,
-        fmt::format("this kernel has no CAN sockets ({}); load can_raw or use an slcan adapter", std::strerror(errno)));
+        fmt::format("this kernel has no CAN sockets ({}); load can_raw or use an slcan adapter", errno_text(errno)));
   }
   const unsigned index = ::if_nametoindex(interface.c_str());
   if (index == 0) {
@@ -81,7 +83,7 @@ Result<CanSocket> CanSocket::open(const std::string& interface, std::span<const 
   const auto filter_bytes = static_cast<socklen_t>(filters.size() * sizeof(can_filter));
   if (::setsockopt(fd.get(), SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(), filter_bytes) != 0) {
     return make_error(ErrorCode::Io,
-                      fmt::format("{}: the kernel refused the CAN filters: {}", interface, std::strerror(errno)));
+                      fmt::format("{}: the kernel refused the CAN filters: {}", interface, errno_text(errno)));
   }
   constexpr can_err_mask_t kErrors = CAN_ERR_TX_TIMEOUT | CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED;
   set_option(fd.get(), SOL_CAN_RAW, CAN_RAW_ERR_FILTER, kErrors);
@@ -92,7 +94,7 @@ Result<CanSocket> CanSocket::open(const std::string& interface, std::span<const 
   address.can_family = AF_CAN;
   address.can_ifindex = static_cast<int>(index);
   if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
-    return make_error(ErrorCode::Io, fmt::format("{} cannot be used: {}", interface, std::strerror(errno)));
+    return make_error(ErrorCode::Io, fmt::format("{} cannot be used: {}", interface, errno_text(errno)));
   }
   return CanSocket(std::move(fd));
 }
@@ -109,8 +111,10 @@ CanSocket::Received CanSocket::read() {
   const ssize_t n = ::recvmsg(fd_.get(), &message, 0);
   Received received;
   if (n < 0) {
-    const bool is_nothing = errno == EAGAIN || errno == EINTR;
-    received.status = is_nothing ? IoStatus::WouldBlock : (is_gone(errno) ? IoStatus::Closed : IoStatus::Failed);
+    received.error = errno;
+    const bool is_nothing = received.error == EAGAIN || received.error == EINTR;
+    const IoStatus trouble = is_gone(received.error) ? IoStatus::Closed : IoStatus::Failed;
+    received.status = is_nothing ? IoStatus::WouldBlock : trouble;
     return received;
   }
   if (n != static_cast<ssize_t>(sizeof(raw))) {
@@ -135,9 +139,9 @@ CanSocket::Received CanSocket::read() {
 IoStatus CanSocket::write(const CanFrame& frame) {
   if (frame.is_error) { return IoStatus::Failed; }
   const can_frame raw = to_kernel(frame);
-  if (::send(fd_.get(), &raw, sizeof(raw), MSG_NOSIGNAL) == static_cast<ssize_t>(sizeof(raw))) {
-    return IoStatus::Done;
-  }
+  const ssize_t n = ::send(fd_.get(), &raw, sizeof(raw), MSG_NOSIGNAL);
+  if (n == static_cast<ssize_t>(sizeof(raw))) { return IoStatus::Done; }
+  if (n >= 0) { return IoStatus::Failed; }
   if (errno == EAGAIN || errno == ENOBUFS || errno == EINTR) { return IoStatus::WouldBlock; }
   return is_gone(errno) ? IoStatus::Closed : IoStatus::Failed;
 }

@@ -18,6 +18,7 @@ class CanSocket {
   struct Received {
     IoStatus status = IoStatus::WouldBlock;
     CanFrame frame;
+    int error = 0;   ///< errno of Closed and Failed
     Duration age{};  ///< since the kernel took the frame; 0 when it did not say
   };
 

@@ -6,9 +6,9 @@
 #include <sys/timerfd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
-#include <cstring>
+
+#include "hal/io/errno_text.hpp"
 
 namespace rosid::hal {
 
@@ -16,20 +16,20 @@ namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
-// Marks of our own two descriptors among the handlers' pointers.
-const char kTimerMark = 't';
-const char kWakeMark = 'w';
+// Our own two descriptors among the handlers' pointers: no object lives at these addresses.
+constexpr std::uint64_t kTimerMark = 1;
+constexpr std::uint64_t kWakeMark = 2;
 
-bool add_mark(int epoll, int fd, const char& mark) {
+bool add_mark(int epoll, int fd, std::uint64_t mark) {
   epoll_event event{};
   event.events = EPOLLIN;
-  event.data.ptr = const_cast<char*>(&mark);  // epoll only hands it back
+  event.data.u64 = mark;
   return ::epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event) == 0;
 }
 
 void drain_counter(int fd) {
   std::uint64_t count = 0;
-  static_cast<void>(!::read(fd, &count, sizeof(count)));
+  [[maybe_unused]] const ssize_t n = ::read(fd, &count, sizeof(count));
 }
 
 }  // namespace
@@ -47,7 +47,7 @@ Result<EventLoop> EventLoop::create(Duration tick_period) {
                         ::timerfd_settime(loop.timer_.get(), 0, &period, nullptr) == 0 &&
                         add_mark(loop.epoll_.get(), loop.timer_.get(), kTimerMark) &&
                         add_mark(loop.epoll_.get(), loop.wake_.get(), kWakeMark);
-  if (!is_ready) { return make_error(ErrorCode::Io, fmt::format("no event loop: {}", std::strerror(errno))); }
+  if (!is_ready) { return make_error(ErrorCode::Io, fmt::format("no event loop: {}", errno_text(errno))); }
   return loop;
 }
 
@@ -56,7 +56,7 @@ Result<void> EventLoop::watch(int fd, std::uint32_t events, EventHandler& handle
   event.events = events;
   event.data.ptr = &handler;
   if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) != 0) {
-    return make_error(ErrorCode::Io, fmt::format("descriptor cannot be watched: {}", std::strerror(errno)));
+    return make_error(ErrorCode::Io, fmt::format("descriptor cannot be watched: {}", errno_text(errno)));
   }
   return {};
 }
@@ -72,10 +72,10 @@ EventLoop::Outcome EventLoop::wait(Duration max_wait) {
   const int n = ::epoll_wait(epoll_.get(), &event, 1, static_cast<int>(std::min<std::int64_t>(wait_ms, 60'000)));
   Outcome outcome;
   if (n <= 0) { return outcome; }
-  if (event.data.ptr == &kTimerMark) {
+  if (event.data.u64 == kTimerMark) {
     drain_counter(timer_.get());
     outcome.is_tick = true;
-  } else if (event.data.ptr == &kWakeMark) {
+  } else if (event.data.u64 == kWakeMark) {
     drain_counter(wake_.get());
     outcome.is_woken = true;
   } else {
@@ -86,7 +86,7 @@ EventLoop::Outcome EventLoop::wait(Duration max_wait) {
 
 void EventLoop::wake() const {
   const std::uint64_t one = 1;
-  static_cast<void>(!::write(wake_.get(), &one, sizeof(one)));
+  [[maybe_unused]] const ssize_t n = ::write(wake_.get(), &one, sizeof(one));
 }
 
 }  // namespace rosid::hal

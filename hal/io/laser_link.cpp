@@ -4,8 +4,9 @@
 #include <sys/epoll.h>
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
+
+#include "hal/io/errno_text.hpp"
 
 namespace rosid::hal {
 
@@ -54,7 +55,7 @@ void LaserLink::try_open(Time now) {
 }
 
 void LaserLink::close(Time now, std::string why) {
-  loop_.unwatch(port_->fd());
+  if (port_) { loop_.unwatch(port_->fd()); }
   port_.reset();
   count_ = 0;
   last_error_ = std::move(why);
@@ -76,7 +77,7 @@ void LaserLink::on_event(std::uint32_t events) {
     }
     if (got.status != IoStatus::WouldBlock) {
       close(now, got.error == 0 ? fmt::format("{} was unplugged or closed", config_.device)
-                                : fmt::format("{} was lost: {}", config_.device, std::strerror(got.error)));
+                                : fmt::format("{} was lost: {}", config_.device, errno_text(got.error)));
     }
     break;
   }
@@ -120,33 +121,33 @@ void LaserLink::pop() {
 void LaserLink::pump(Time now) {
   while (port_ && count_ > 0) {
     Command& command = queue_[head_];
-    const bool is_done = command.baud == 0 ? pump_bytes(now, command) : pump_baud(now, command.baud);
+    const bool is_done = command.baud == 0 ? pump_bytes(now, *port_, command) : pump_baud(now, *port_, command.baud);
     if (!is_done) { return; }
     pop();
   }
 }
 
-bool LaserLink::pump_bytes(Time now, Command& command) {
+bool LaserLink::pump_bytes(Time now, SerialPort& port, Command& command) {
   const auto rest = std::span<const std::uint8_t>(command.bytes).first(command.size).subspan(command.sent);
-  const IoResult put = port_->write(rest);
+  const IoResult put = port.write(rest);
   if (put.status == IoStatus::Closed || put.status == IoStatus::Failed) {
-    close(now, fmt::format("{} cannot be written: {}", config_.device, std::strerror(put.error)));
+    close(now, fmt::format("{} cannot be written: {}", config_.device, errno_text(put.error)));
     return false;
   }
   if (put.size > 0) {
     tap_.on_laser_sent(now, rest.first(put.size));
     constexpr std::int64_t kBitsPerByte = 10;
     const auto bits = static_cast<std::int64_t>(put.size) * kBitsPerByte;
-    t_line_free_ = std::max(t_line_free_, now) + Duration{bits * 1'000'000'000 / std::max(port_->baud(), 1)};
+    t_line_free_ = std::max(t_line_free_, now) + Duration{bits * 1'000'000'000 / std::max(port.baud(), 1)};
     command.sent += put.size;
   }
   return command.sent == command.size;
 }
 
-bool LaserLink::pump_baud(Time now, int baud) {
-  const bool is_drained = port_->unsent() == 0 && now >= t_line_free_ + kUartFifo;
+bool LaserLink::pump_baud(Time now, SerialPort& port, int baud) {
+  const bool is_drained = port.unsent() == 0 && now >= t_line_free_ + kUartFifo;
   if (!is_drained && now < t_line_free_ + kDrainLimit) { return false; }
-  if (auto changed = port_->set_baud(baud); !changed) {
+  if (auto changed = port.set_baud(baud); !changed) {
     // The session notices by itself that nothing can be understood at this rate, and goes on to the next one.
     last_error_ = fmt::format("{}: {}", config_.device, changed.error().message);
     return true;

@@ -56,8 +56,8 @@ class LaserLink final : private EventHandler {
   void try_open(Time now);
   void close(Time now, std::string why);
   void pump(Time now);
-  bool pump_bytes(Time now, Command& command);
-  bool pump_baud(Time now, int baud);
+  bool pump_bytes(Time now, SerialPort& port, Command& command);
+  bool pump_baud(Time now, SerialPort& port, int baud);
   Command* push();
   void pop();
 

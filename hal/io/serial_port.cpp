@@ -10,7 +10,8 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
+
+#include "hal/io/errno_text.hpp"
 
 namespace rosid::hal {
 
@@ -32,7 +33,7 @@ Error open_error(const std::string& path, int error) {
                       path)};
     case EBUSY:
       return {ErrorCode::Busy, fmt::format("{} is held by another program; find it with fuser {}", path, path)};
-    default: return {ErrorCode::Io, fmt::format("{}: {}", path, std::strerror(error))};
+    default: return {ErrorCode::Io, fmt::format("{}: {}", path, errno_text(error))};
   }
 }
 
@@ -98,14 +99,14 @@ Result<SerialPort> SerialPort::open(const std::string& path, int baud) {
 
 Result<void> SerialPort::set_baud(int baud) {
   termios2 settings{};
-  if (::ioctl(fd_.get(), TCGETS2, &settings) != 0) { return make_error(ErrorCode::Io, std::strerror(errno)); }
+  if (::ioctl(fd_.get(), TCGETS2, &settings) != 0) { return make_error(ErrorCode::Io, errno_text(errno)); }
   constexpr unsigned kRates = CBAUD | (CBAUD << IBSHIFT);
   settings.c_cflag = (settings.c_cflag & ~kRates) | BOTHER | (BOTHER << IBSHIFT);
   settings.c_ispeed = static_cast<unsigned>(baud);
   settings.c_ospeed = static_cast<unsigned>(baud);
   if (::ioctl(fd_.get(), TCSETS2, &settings) != 0) {
     return make_error(ErrorCode::Unsupported,
-                      fmt::format("the port cannot run at {} baud: {}", baud, std::strerror(errno)));
+                      fmt::format("the port cannot run at {} baud: {}", baud, errno_text(errno)));
   }
   baud_ = baud;
   return {};

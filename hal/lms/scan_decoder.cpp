@@ -68,7 +68,7 @@ tl::expected<Measured, ScanError> parse_measured(const Telegram& telegram) {
   Measured measured;
   measured.header = unpack_header(static_cast<std::uint16_t>(word_at(payload, 1)));
   measured.status = payload.back();
-  const std::size_t value_bytes = 2U * measured.header.count;
+  const std::size_t value_bytes = std::size_t{2} * measured.header.count;
   const std::size_t bare = kFixedBytes + value_bytes;
   if (payload.size() == bare + kIndexBytes) {
     measured.has_indices = true;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "hal/lms/session.hpp"
 
@@ -27,12 +28,12 @@ Duration search_timeout(int baud) {
 
 /// A slow line brings few scans; silence is measured in scans there.
 Duration three_longest_telegrams(int baud) {
-  constexpr std::int64_t kBits = 3 * 10 * static_cast<std::int64_t>(kMaxTelegram);
+  constexpr std::int64_t kBits = std::int64_t{3} * 10 * static_cast<std::int64_t>(kMaxTelegram);
   return Duration{kBits * 1'000'000'000 / std::max(baud, 1)};
 }
 
-constexpr std::uint16_t centidegrees(double degrees) {
-  return static_cast<std::uint16_t>(degrees * 100.0 + 0.5);
+std::uint16_t centidegrees(double degrees) {
+  return static_cast<std::uint16_t>(std::lround(degrees * 100.0));
 }
 
 }  // namespace

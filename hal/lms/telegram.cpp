@@ -39,11 +39,10 @@ std::span<const std::uint8_t> Telegram::reply_data() const {
   return payload.size() < 2 ? std::span<const std::uint8_t>{} : payload.subspan(1, payload.size() - 2);
 }
 
-TelegramBuilder::TelegramBuilder(std::uint8_t address, std::uint8_t command) {
+TelegramBuilder::TelegramBuilder(std::uint8_t address, std::uint8_t command) : size_(kHeaderSize + 1) {
   buffer_[0] = kStx;
   buffer_[1] = address;
   buffer_[kHeaderSize] = command;
-  size_ = kHeaderSize + 1;
 }
 
 TelegramBuilder& TelegramBuilder::u8(std::uint8_t value) {

@@ -43,7 +43,7 @@ class TelegramBuilder {
 
  private:
   std::array<std::uint8_t, kMaxTelegram> buffer_{};
-  std::size_t size_ = 0;
+  std::size_t size_;
 };
 
 /// A request of the host to any device (broadcast address); data follows the command byte.
