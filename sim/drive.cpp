@@ -37,18 +37,19 @@ std::optional<WheelHeight> wheel_height(const Terrain& terrain, const Vec2& cont
 
 /// Gaussian average over time, sigma in table steps; ends are continued.
 std::vector<double> smooth(std::span<const double> table, double sigma_steps) {
-  const int reach = static_cast<int>(std::ceil(3.0 * sigma_steps));
+  const auto reach = static_cast<std::ptrdiff_t>(std::ceil(3.0 * sigma_steps));
   std::vector<double> kernel;
   double sum = 0.0;
-  for (int k = -reach; k <= reach; ++k) {
-    kernel.push_back(std::exp(-0.5 * (k / sigma_steps) * (k / sigma_steps)));
+  for (std::ptrdiff_t k = -reach; k <= reach; ++k) {
+    const double distance = static_cast<double>(k) / sigma_steps;
+    kernel.push_back(std::exp(-0.5 * distance * distance));
     sum += kernel.back();
   }
   const auto last = static_cast<std::ptrdiff_t>(table.size()) - 1;
   std::vector<double> smoothed(table.size());
   for (std::ptrdiff_t i = 0; i <= last; ++i) {
     double value = 0.0;
-    for (int k = -reach; k <= reach; ++k) {
+    for (std::ptrdiff_t k = -reach; k <= reach; ++k) {
       const auto at = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i + k, 0, last));
       value += kernel[static_cast<std::size_t>(k + reach)] * table[at];
     }
@@ -87,10 +88,11 @@ double interpolate_table(const std::vector<double>& table, double t_s) {
 
 Result<Drive> Drive::create(const config::World& world, const Terrain& terrain) {
   Drive drive(PlanMotion(world.drive));
-  constexpr double kLongest_s = 86400.0;
+  constexpr double kLongest_s = 4.0 * 3600.0;  // what the tables over time are made for
   if (drive.duration_s() > kLongest_s) {
-    return make_error(ErrorCode::InvalidArgument,
-                      fmt::format("the drive takes {:.0f} s, more than a day", drive.duration_s()));
+    return make_error(
+        ErrorCode::InvalidArgument,
+        fmt::format("the drive takes {:.0f} s; the longest possible is {:.0f} s", drive.duration_s(), kLongest_s));
   }
   if (const auto laid = drive.lay_on(terrain, world); !laid) { return tl::unexpected<Error>(laid.error()); }
   drive.tabulate_distance();

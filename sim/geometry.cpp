@@ -105,6 +105,7 @@ class PieceBuilder {
 
   void operator()(const config::LevelObject& floor) {
     std::vector<Vec2> outline;
+    outline.reserve(floor.outline_m.size());
     for (const Point2& p : floor.outline_m) { outline.emplace_back(p[0], p[1]); }
     double doubled_area = 0.0;
     for (std::size_t i = 0; i < outline.size(); ++i) {
@@ -115,6 +116,7 @@ class PieceBuilder {
     if (doubled_area < 0.0) { std::ranges::reverse(outline); }
     for (const auto& triangle : triangulate(outline)) {
       std::vector<Vec3> corners;
+      corners.reserve(triangle.size());
       for (const std::size_t i : triangle) { corners.emplace_back(outline[i].x(), outline[i].y(), floor.z_m); }
       add(std::move(corners), floor.is_ceiling ? Vec3(-Vec3::UnitZ()) : Vec3(Vec3::UnitZ()), !floor.is_ceiling);
     }
@@ -179,11 +181,13 @@ class PieceBuilder {
     tangent_basis(normal, e1, e2);
     is_two_sided_ = true;
     std::vector<Vec2> outline;
+    outline.reserve(polygon.vertices_m.size());
     for (const Point3& v : polygon.vertices_m) {
       outline.emplace_back(e1.dot(vec(v) - origin), e2.dot(vec(v) - origin));
     }
     for (const auto& triangle : triangulate(outline)) {
       std::vector<Vec3> corners;
+      corners.reserve(triangle.size());
       // Back from the plane, so that vertices a fraction of a millimetre off still give one surface.
       for (const std::size_t i : triangle) {
         corners.emplace_back(origin + (outline[i].x() * e1) + (outline[i].y() * e2));

@@ -91,6 +91,7 @@ int add_cap(SceneGeometry& geometry, const CylinderPiece& cylinder, const Vec3& 
   Vec3 e2;
   tangent_basis(normal, e1, e2);
   std::vector<Vec3> rim;
+  rim.reserve(kCorners);
   for (int i = 0; i < kCorners; ++i) {
     const double phi = 2.0 * kPi * i / kCorners;
     rim.emplace_back(centre + (cylinder.radius_m * ((std::cos(phi) * e1) + (std::sin(phi) * e2))));

@@ -28,8 +28,9 @@ class WheelModel {
     double to_m;
     std::array<double, 2> factor;  ///< reading over truth, left and right
   };
-  [[nodiscard]] std::vector<Slip> slips(const config::VehicleConfig& vehicle, const Drive& drive,
-                                        std::uint64_t seed) const;
+  /// All slip events, by where they begin.
+  [[nodiscard]] static std::vector<Slip> slips(const config::VehicleConfig& vehicle, const Drive& drive,
+                                               std::uint64_t seed);
 
   std::array<double, 2> scale_error_{};
   double track_m_ = 0.5;
