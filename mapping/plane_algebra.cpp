@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace rosid::mapping {
 namespace {
@@ -199,7 +200,7 @@ double chi2_quantile(double probability, double dof) {
   double high = 8.0;
   for (int k = 0; k < 60; ++k) {
     const double middle = 0.5 * (low + high);
-    (0.5 * std::erfc(-middle / std::sqrt(2.0)) < probability ? low : high) = middle;
+    (0.5 * std::erfc(-middle / std::numbers::sqrt2) < probability ? low : high) = middle;
   }
   const double c = 2.0 / (9.0 * dof);
   const double cube_root = 1.0 - c + 0.5 * (low + high) * std::sqrt(c);

@@ -21,6 +21,10 @@ struct GridPoint {
 };
 using GridRing = std::vector<GridPoint>;
 
+/// In grid cells, positive for counter-clockwise rings.
+double signed_area_cells(const GridRing& ring);
+Vec2 to_m(const GridPoint& point);
+
 /// Area, centroid and central second moments (per unit area) of a polygon set.
 struct PolygonMoments {
   double area_m2 = 0.0;

@@ -71,9 +71,11 @@ std::vector<bool> fill(const PolygonSet& set, const Raster& raster) {
     }
     std::sort(crossings.begin(), crossings.end());
     for (std::size_t k = 0; k + 1 < crossings.size(); k += 2) {
-      const double first = std::ceil((crossings[k] - static_cast<double>(raster.x0)) / cell - 0.5);
-      const double last = std::floor((crossings[k + 1] - static_cast<double>(raster.x0)) / cell - 0.5);
-      for (double column = std::max(first, 0.0); column <= last; column += 1.0) {
+      const double left = (crossings[k] - static_cast<double>(raster.x0)) / cell - 0.5;
+      const double right = (crossings[k + 1] - static_cast<double>(raster.x0)) / cell - 0.5;
+      const auto first = static_cast<std::int64_t>(std::ceil(left));
+      const auto last = static_cast<std::int64_t>(std::floor(right));
+      for (std::int64_t column = first; column <= last; ++column) {
         is_set[raster.index(static_cast<std::size_t>(column), row)] = true;
       }
     }

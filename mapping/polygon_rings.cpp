@@ -77,7 +77,7 @@ std::vector<Vec2> interior_points(std::span<const Ring> outer, std::span<const R
   std::vector<Vec2> points;
   if (!(area > 0.0) || max_points == 0) { return points; }
   double step = std::sqrt(area / static_cast<double>(max_points));
-  for (int k = 0; k < kMaxRefinements && points.empty(); ++k, step *= 0.5) {
+  for (int k = 0; k < kMaxRefinements && points.empty(); ++k) {
     const auto nx = static_cast<int>(std::clamp((high.x() - low.x()) / step, 1.0, 200.0));
     const auto ny = static_cast<int>(std::clamp((high.y() - low.y()) / step, 1.0, 200.0));
     for (int iy = 0; iy < ny; ++iy) {
@@ -87,6 +87,7 @@ std::vector<Vec2> interior_points(std::span<const Ring> outer, std::span<const R
         if (contains(outer, inner, p)) { points.push_back(p); }
       }
     }
+    step *= 0.5;
   }
   return points;
 }

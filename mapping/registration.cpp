@@ -89,9 +89,9 @@ Normals accumulate(std::span<const PlanePair> pairs, const Inheritance& inherite
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     const PairTerms t = linearise(pairs[k], X);
     const Mat3 c = t.C_view + t.C_map + t.J * inherited.excess[k] * t.J.transpose();
-    const Eigen::Matrix<double, 6, 3> JtW = t.J.transpose() * robust_information(t.r, c);
-    n.H += JtW * t.J;
-    n.g += JtW * t.r;
+    const Eigen::Matrix<double, 6, 3> weighted = t.J.transpose() * robust_information(t.r, c);
+    n.H += weighted * t.J;
+    n.g += weighted * t.r;
   }
   return n;
 }
@@ -114,12 +114,14 @@ Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, cons
     const PairTerms t = linearise(pairs[k], X);
     const Mat3 c = t.C_view + t.C_map + t.J * inherited.excess[k] * t.J.transpose();
     const Mat3 W = robust_information(t.r, c);
-    const Eigen::Matrix<double, 6, 3> JtW = t.J.transpose() * W;
-    s.H += JtW * t.J;
-    s.g += JtW * t.r;
-    s.H_independent += JtW * t.C_view * JtW.transpose();
-    (pairs[k].was_used ? s.H_known : s.H_independent) += JtW * t.C_map * JtW.transpose();
-    if (!inherited.decoupled[k].isZero(0.0)) { s.H_coherent += JtW * t.J * symmetric_sqrt(inherited.decoupled[k]); }
+    const Eigen::Matrix<double, 6, 3> weighted = t.J.transpose() * W;
+    s.H += weighted * t.J;
+    s.g += weighted * t.r;
+    s.H_independent += weighted * t.C_view * weighted.transpose();
+    (pairs[k].was_used ? s.H_known : s.H_independent) += weighted * t.C_map * weighted.transpose();
+    if (!inherited.decoupled[k].isZero(0.0)) {
+      s.H_coherent += weighted * t.J * symmetric_sqrt(inherited.decoupled[k]);
+    }
     s.chi2 += std::min(mahalanobis2(t.r, c), 1e6);
     const Mat32 B = tangent(pairs[k].map_W);
     for (int m = 0; m < 2; ++m) {

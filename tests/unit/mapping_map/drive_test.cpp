@@ -11,7 +11,7 @@
 #include "base/units.hpp"
 #include "mapping/mapper.hpp"
 #include "mapping/plane_algebra.hpp"
-#include "synthetic_room.hpp"
+#include "tests/unit/mapping_map/synthetic_room.hpp"
 
 namespace rosid::mapping {
 namespace {

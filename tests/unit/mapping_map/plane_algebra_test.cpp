@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "synthetic_room.hpp"
+#include "tests/unit/mapping_map/synthetic_room.hpp"
 
 namespace rosid::mapping {
 namespace {

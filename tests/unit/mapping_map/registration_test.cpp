@@ -6,7 +6,7 @@
 #include <random>
 
 #include "base/units.hpp"
-#include "synthetic_room.hpp"
+#include "tests/unit/mapping_map/synthetic_room.hpp"
 
 namespace rosid::mapping {
 namespace {

@@ -1,4 +1,4 @@
-#include "synthetic_room.hpp"
+#include "tests/unit/mapping_map/synthetic_room.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>
