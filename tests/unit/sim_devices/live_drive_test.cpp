@@ -26,7 +26,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 Time monotonic_now() {
   timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
+  static_cast<void>(clock_gettime(CLOCK_MONOTONIC, &now));
   return time_from_ns((std::int64_t{now.tv_sec} * 1'000'000'000) + now.tv_nsec);
 }
 
@@ -102,7 +102,7 @@ int count_scans(const Bytes& bytes) {
 }
 
 class LiveDriveTest : public ::testing::Test {
- protected:
+ public:
   LiveDriveTest() {
     std::string name = ::testing::TempDir() + "live_drive_XXXXXX";
     directory = mkdtemp(name.data());
@@ -116,6 +116,7 @@ class LiveDriveTest : public ::testing::Test {
     std::filesystem::remove_all(directory);
   }
 
+ protected:
   void begin() {
     auto created = LiveDrive::create(plant, options);
     ASSERT_TRUE(created.has_value()) << created.error().message;

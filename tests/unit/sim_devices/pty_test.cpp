@@ -15,13 +15,14 @@ namespace rosid::sim {
 namespace {
 
 class PtyTest : public ::testing::Test {
- protected:
+ public:
   PtyTest() {
     std::string name = ::testing::TempDir() + "pty_test_XXXXXX";
     directory = mkdtemp(name.data());
   }
   ~PtyTest() override { std::filesystem::remove_all(directory); }
 
+ protected:
   static int open_host(const std::filesystem::path& path) {
     return ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK);
   }
