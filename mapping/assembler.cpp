@@ -32,8 +32,8 @@ Time raster_time(const ScanLine& line, int b) {
   return line.t_first_beam + Duration{turn * line.mirror_period_ns + b * line.beam_period_ns};
 }
 
-std::int64_t half_turn_of(double u_rad) {
-  return static_cast<std::int64_t>(std::floor(u_rad / kPi));
+std::int64_t half_turn_of(double u_rad, double seam_rad) {
+  return static_cast<std::int64_t>(std::floor((u_rad - seam_rad) / kPi));
 }
 
 }  // namespace
@@ -189,7 +189,7 @@ Assembler::ReadyLine Assembler::make_ready(const ScanLine& line) const {
   const TurretKnot middle = turret_at(ready.t);
   ready.u_rad = middle.u_rad;
   ready.epoch = middle.epoch;
-  ready.is_flipped = (half_turn_of(ready.u_rad) % 2) != 0;
+  ready.is_flipped = (half_turn_of(ready.u_rad, config_.seam_rad) % 2) != 0;
   const Crop columns = crop(line, ready.is_flipped);
   ready.first_deflection_rad = columns.first_deflection_rad;
   const auto count = static_cast<std::size_t>(columns.columns);
@@ -206,7 +206,7 @@ Assembler::ReadyLine Assembler::make_ready(const ScanLine& line) const {
 }
 
 void Assembler::accept(ReadyLine&& line) {
-  const std::int64_t k = half_turn_of(line.u_rad);
+  const std::int64_t k = half_turn_of(line.u_rad, config_.seam_rad);
   if (open_.empty()) {
     start_half_turn(line, false);
     return;
@@ -239,7 +239,7 @@ void Assembler::accept(ReadyLine&& line) {
 
 void Assembler::start_half_turn(const ReadyLine& line, bool is_whole) {
   open_.clear();
-  half_turn_ = half_turn_of(line.u_rad);
+  half_turn_ = half_turn_of(line.u_rad, config_.seam_rad);
   is_whole_ = is_whole;
   if (!is_whole) { direction_ = 0; }
   open_.push_back(line);

@@ -28,10 +28,10 @@ struct AssemblerCounters {
   std::uint64_t images_dropped = 0;  ///< closed with too few lines, incomplete, or torn by a turret restart or stop
 };
 
-/// Builds Moebius range images from half turns [k pi, (k+1) pi) of the turret (after the zero is subtracted). Every
-/// pixel gets its own time and its own turret angle, and is moved into V at the reference time with the odometry
-/// trajectory only, so that a map correction never tears an image [maths 2.3, 2.4]. Lines wait until turret samples and
-/// pose estimates on both sides of their beams have arrived.
+/// Builds Moebius range images from half turns [seam + k pi, seam + (k+1) pi) of the turret (after the zero is
+/// subtracted). Every pixel gets its own time and its own turret angle, and is moved into V at the reference time with
+/// the odometry trajectory only, so that a map correction never tears an image [maths 2.3, 2.4]. Lines wait until
+/// turret samples and pose estimates on both sides of their beams have arrived.
 ///
 /// Lines are stored in order of growing turret angle whatever the direction of the spin, odd half turns with the
 /// deflection reversed, so equal turret angles always mean equal rays. A half turn that was entered in its middle

@@ -38,7 +38,7 @@ void Assembler::order_lines() {
 
 bool Assembler::is_complete() const {
   if (open_.size() < kMinLines) { return false; }
-  const double u_begin = static_cast<double>(half_turn_) * kPi;
+  const double u_begin = config_.seam_rad + static_cast<double>(half_turn_) * kPi;
   const double head = open_.front().u_rad - u_begin;
   const double tail = u_begin + kPi - open_.back().u_rad;
   double largest = std::max(head, tail);
@@ -52,7 +52,7 @@ bool Assembler::is_complete() const {
 void Assembler::fill_gaps() {
   const double spacing = usual_spacing(open_);
   const double threshold = std::max(kBlankFrom * spacing, kBlankFrom_rad);
-  const double u_begin = static_cast<double>(half_turn_) * kPi;
+  const double u_begin = config_.seam_rad + static_cast<double>(half_turn_) * kPi;
   std::vector<ReadyLine> filled;
   filled.reserve(open_.size());
   const auto put_blanks = [&](const ReadyLine& like, double u_from, double u_to, Time t_from, Time t_to) {
@@ -115,7 +115,9 @@ void Assembler::build_line(const ReadyLine& ready, const RelativeMotion& motion,
   const RigidTransform X_RV = motion.X_RV(ready.t);
   const RigidTransform X_RS = X_RV * X_VS_;
   info.t = ready.t;
-  info.turret_angle_rad = std::clamp(ready.u_rad - (static_cast<double>(half_turn_) * kPi), 0.0, kPi);
+  info.is_flipped = ready.is_flipped;
+  info.turret_angle_rad =
+      std::clamp(ready.u_rad - (static_cast<double>(half_turn_) * kPi), config_.seam_rad, config_.seam_rad + kPi);
   info.first_deflection_rad = ready.first_deflection_rad;
   info.origin_V = X_RS * turned_lever(ready.u_rad);
   info.spin_axis_V = X_RS.q * Vec3::UnitZ();

@@ -25,6 +25,7 @@ void check(const AssemblerConfig& config, Rules& rules) {
   rules.require(config.range_min_m >= 0.0, "'range_min_m' must be zero or more");
   rules.require(config.range_max_m > config.range_min_m && config.range_max_m <= 1000.0,
                 "'range_max_m' must be greater than 'range_min_m' and at most 1000");
+  rules.require(config.seam_rad >= 0.0 && config.seam_rad <= kPi, "'seam' must be between 0 and 180 degrees");
   rules.require(config.max_lines >= 20 && config.max_lines <= 2000, "'max_lines' must be between 20 and 2000");
 }
 

@@ -16,6 +16,8 @@ namespace {
 constexpr double kInnovationProbability = 0.999;
 constexpr double kMinViewConfidence = 0.3;
 constexpr double kMinConsistentShare = 0.5;
+// A pair that is off by more than this while all pairs together are is a wrong match, not noise.
+constexpr double kOutlierProbability = 0.99;
 // Directions that only the prior determines need a view that does not contradict the map: share of what bears on these
 // directions, of the whole view, and an area that is more than clutter.
 constexpr double kMaxConflictShare = 0.15;
@@ -111,6 +113,45 @@ bool is_conflict(const Evidence& relevant, const Evidence& whole) {
          conflict > kClutter_m2;
 }
 
+/// The pair that contradicts the others most, when it does so beyond the gate. Residuals against the planes' own
+/// errors: the pose has been fitted, so its uncertainty excuses nobody.
+std::optional<std::size_t> worst_outlier(std::span<const PlanePair> pairs, const RigidTransform& X_WV) {
+  double worst = chi2_quantile(kOutlierProbability, 3.0);
+  std::optional<std::size_t> found;
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    const PairTerms terms = linearise(pairs[k], X_WV);
+    const double distance2 = terms.r.dot((terms.C_view + terms.C_map).ldlt().solve(terms.r));
+    if (distance2 > worst) {
+      worst = distance2;
+      found = k;
+    }
+  }
+  return found;
+}
+
+template <typename T>
+void erase_at(std::vector<T>& values, std::size_t index) {
+  values.erase(values.begin() + static_cast<std::ptrdiff_t>(index));
+}
+
+/// Registers the pairs; while they contradict each other the worst one goes, with all its matches (maths 6.4, shrink).
+Registration register_consistent(GroupedPairs& grouped, std::vector<PatchMatch>& matches, const PoseBelief& prior,
+                                 const RigidTransform& start, std::size_t min_pairs) {
+  for (;;) {
+    Registration registration = register_planes(grouped.pairs, prior, start);
+    const bool is_consistent = !(registration.chi2_dof > 0.0) ||
+                               registration.chi2 <= chi2_quantile(kOutlierProbability, registration.chi2_dof);
+    if (is_consistent || grouped.pairs.size() <= min_pairs) { return registration; }
+    const std::optional<std::size_t> outlier = worst_outlier(grouped.pairs, registration.X_WV);
+    if (!outlier) { return registration; }
+    const std::size_t map_index = grouped.map_index[*outlier];
+    std::erase_if(matches, [map_index](const PatchMatch& match) { return match.map == map_index; });
+    erase_at(grouped.pairs, *outlier);
+    erase_at(grouped.view_area_m2, *outlier);
+    erase_at(grouped.map_index, *outlier);
+  }
+}
+
 SurfaceFix make_fix(const SurfaceView& view, const Registration& registration, std::size_t pairs, double confidence) {
   SurfaceFix fix;
   fix.t_view = view.t_ref;
@@ -166,13 +207,14 @@ Mapper::Attempt Mapper::register_view(std::span<const PreparedPatch> view, std::
   const double t_start = now_s();
   const Matcher matcher(config_.matcher, view, map, map_patches);
   Matcher::Tracking tracking = matcher.track(prior, floor);
-  const GroupedPairs grouped = grouped_pairs(tracking.matches, view, map_patches, floor);
+  GroupedPairs grouped = grouped_pairs(tracking.matches, view, map_patches, floor);
   const double t_matched = now_s();
   times.match_s = t_matched - t_start;
   attempt.matches = std::move(tracking.matches);
-  const bool has_pairs = grouped.pairs.size() >= static_cast<std::size_t>(std::max(config_.matcher.min_pairs, 1));
+  const auto min_pairs = static_cast<std::size_t>(std::max(config_.matcher.min_pairs, 1));
+  const bool has_pairs = grouped.pairs.size() >= min_pairs;
   if (has_pairs) {
-    attempt.registration = register_planes(grouped.pairs, prior, tracking.belief.X_WV);
+    attempt.registration = register_consistent(grouped, attempt.matches, prior, tracking.belief.X_WV, min_pairs);
     attempt.pose = attempt.registration.posterior;
   }
   double weight = 0.0;

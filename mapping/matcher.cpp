@@ -212,6 +212,7 @@ GroupedPairs grouped_pairs(std::span<const PatchMatch> matches, std::span<const 
   for (const auto& [map_index, source] : groups) {
     result.pairs.push_back(make_pair_of(source.plane, map_patches[map_index]));
     result.view_area_m2.push_back(source.area_m2);
+    result.map_index.push_back(map_index);
   }
   return result;
 }

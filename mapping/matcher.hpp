@@ -65,7 +65,8 @@ class Matcher {
 /// neither the map plane's error nor the view's systematic error counts once for every fragment.
 struct GroupedPairs {
   std::vector<PlanePair> pairs;
-  std::vector<double> view_area_m2;  ///< of each pair
+  std::vector<double> view_area_m2;    ///< of each pair
+  std::vector<std::size_t> map_index;  ///< of each pair's map patch
 };
 GroupedPairs grouped_pairs(std::span<const PatchMatch> matches, std::span<const PreparedPatch> view,
                            std::span<const MapPatch> map_patches, const SystematicFloor& floor);

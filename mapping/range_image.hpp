@@ -20,7 +20,8 @@ enum class Topology : std::uint8_t {
 /// What all pixels of a line share.
 struct LineInfo {
   Time t;                           ///< instant of the line's centre beam
-  double turret_angle_rad = 0;      ///< u at that instant, in [0, pi) for a Moebius image
+  double turret_angle_rad = 0;      ///< u at that instant, in [seam, seam + pi) for a Moebius image
+  bool is_flipped = false;          ///< columns run against the beams: the device's deflection is the negative
   double first_deflection_rad = 0;  ///< psi of column 0
   Vec3 origin_V = Vec3::Zero();     ///< beam origin at t, in V at the image's reference time
   Vec3 spin_axis_V =

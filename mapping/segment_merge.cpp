@@ -216,10 +216,7 @@ void merge_regions(const SegmentFrame& frame, const SegmenterConfig& config, std
       Region both = ra;
       absorb(both, rb);
       const double variance = both.own_variance + both.common_variance;
-      if (!is_part_of(ra, both.plane, variance, limits) ||
-          !is_part_of(rb, both.plane, variance, limits)) {
-        continue;
-      }
+      if (!is_part_of(ra, both.plane, variance, limits) || !is_part_of(rb, both.plane, variance, limits)) { continue; }
       ra = both;
       rb.is_alive = false;
       target[static_cast<std::size_t>(b)] = a;
