@@ -19,6 +19,8 @@ constexpr double kDetectionShare = 0.15;  ///< an echo with less of the beam tha
 LaserModel::LaserModel(const config::LaserModel& model, const Scene& scene, std::uint64_t seed)
     : model_(model), scene_(&scene), noise_(seed, "range noise"), dropout_(seed, "range drop-out") {
   const RandomStream bias(seed, "surface bias");
+  bias_m_.reserve(scene.surfaces().size() + 1);
+  reflectivity_.reserve(scene.surfaces().size() + 1);
   bias_m_.push_back(0.0);
   reflectivity_.push_back(0.0);
   for (const TrueSurface& surface : scene.surfaces()) {

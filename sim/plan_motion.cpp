@@ -214,6 +214,8 @@ void PlanMotion::run(const std::vector<Leg>& legs) {
     if (setback > 0.0) { add_corner(segments, legs[i], angle, setback); }
   }
   std::vector<MotionProfile::Stretch> stretches;
+  stretches.reserve(segments.size());
+  phase.ends_m.reserve(segments.size());
   double end = 0.0;
   for (const PathSegment& segment : segments) {
     end += segment.length_m;

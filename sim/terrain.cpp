@@ -27,6 +27,7 @@ Terrain::Terrain(const SceneGeometry& geometry) {
                 .high = plane.corners_W.front().head<2>(),
                 .n_W = plane.n_W,
                 .offset_m = plane.n_W.dot(plane.corners_W.front())};
+    piece.corners.reserve(plane.corners_W.size());
     for (const Vec3& corner : plane.corners_W) {
       piece.corners.emplace_back(corner.head<2>());
       piece.low = piece.low.cwiseMin(corner.head<2>());

@@ -48,6 +48,7 @@ WheelModel::WheelModel(const config::World& world, const Drive& drive, std::uint
 std::vector<WheelModel::Slip> WheelModel::slips(const config::VehicleConfig& vehicle, const Drive& drive,
                                                 std::uint64_t seed) {
   std::vector<Slip> all;
+  all.reserve(vehicle.slips.size());
   for (const config::SlipEvent& event : vehicle.slips) {
     const double from = event.at_m >= 0.0 ? event.at_m : drive.distance_m(event.at_s);
     using Wheel = config::SlipEvent::Wheel;
