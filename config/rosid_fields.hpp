@@ -73,6 +73,7 @@ void visit_fields(Visitor& v, estimator::EstimatorConfig& c) {
 template <typename Visitor>
 void visit_fields(Visitor& v, mapping::MappingConfig& c) {
   v.angle("opening", c.assembler.opening_rad);
+  v.angle("seam", c.assembler.seam_rad);
   v.number("range_min_m", c.assembler.range_min_m);
   v.number("range_max_m", c.assembler.range_max_m);
   v.integer("max_lines", c.assembler.max_lines);

@@ -59,6 +59,8 @@ class InputStage {
   Time now() const { return now_; }
   Time next_tick() const { return next_tick_; }
   const DeviceHealthTable& health() const { return front_end_.health(); }
+  /// For links that hand what they receive to the front end themselves: they call advance() with its time before.
+  hal::FrontEnd& front_end() { return front_end_; }
 
  private:
   Time next_tick_;

@@ -55,7 +55,8 @@ bool MappingStage::fetch() {
   if (observer_) { observer_(*image); }
   const double begin_s = stopwatch_();
   Pending pending;
-  pending.t_complete = image->line.empty() ? image->t_ref : image->line.back().t;
+  pending.t_complete = image->t_ref;
+  for (const mapping::LineInfo& line : image->line) { pending.t_complete = std::max(pending.t_complete, line.t); }
   pending.view = std::make_shared<const mapping::SurfaceView>(segmenter_.segment(*image));
   pending.segment_s = stopwatch_() - begin_s;
   pending_ = std::move(pending);

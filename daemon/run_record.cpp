@@ -122,7 +122,9 @@ std::string to_run_json(const RunSummary& summary) {
                {"duration_s", duration_s},
                {"wall_s", summary.wall_s},
                {"realtime_factor", summary.wall_s > 0.0 ? duration_s / summary.wall_s : 0.0},
-               {"log_events_skipped", summary.log_skipped}};
+               {"log_events_skipped", summary.log_skipped},
+               {"late_inputs", summary.late_inputs},
+               {"queue_dropped", summary.queue_dropped}};
   for (int k = 0; k < kDeviceCount; ++k) {
     json["devices"][to_cstr(static_cast<Device>(k))] = device_json(summary.devices[static_cast<std::size_t>(k)]);
   }

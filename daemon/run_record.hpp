@@ -66,6 +66,8 @@ struct RunSummary {
   Time t_last;
   double wall_s = 0.0;
   std::uint64_t log_skipped = 0;
+  std::uint64_t late_inputs = 0;    ///< live: ticks computed before the I/O thread was through with their samples
+  std::uint64_t queue_dropped = 0;  ///< live: elements lost between the threads
   DeviceHealthTable devices{};
   mapping::AssemblerCounters assembler;
   MappingCounters mapping;

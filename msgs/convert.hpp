@@ -13,9 +13,10 @@
 #include <string>
 #include <vector>
 
-#include "base/health.hpp"
 #include "base/samples.hpp"
 #include "mapping/surface_map.hpp"
+#include "msgs/epoch.hpp"
+#include "msgs/health_report.hpp"
 
 namespace rosid::msgs {
 
@@ -31,12 +32,6 @@ inline constexpr const char* kChannelHealth = "ROSI_HEALTH";
 /// Largest encoded message: one datagram that fits the receive buffers of a machine nobody tuned.
 inline constexpr std::size_t kMaxMessageBytes = 60'000;
 
-/// Vehicle clock to LCM time stamps: utime = t / 1 us + offset.
-struct EpochOffset {
-  std::int64_t us = 0;
-  std::int64_t utime(Time t) const { return (to_ns(t) / 1000) + us; }
-};
-
 pose_t to_pose_message(const PoseEstimate& estimate, EpochOffset epoch);
 state_t to_state_message(const PoseEstimate& estimate, EpochOffset epoch);
 aid_t to_aid_message(const AidReport& report, EpochOffset epoch);
@@ -48,28 +43,6 @@ planar_lidar_t to_laser_message(const ScanLine& line, EpochOffset epoch);
 std::vector<view_chunk_t> to_view_messages(const mapping::SurfaceView& view, EpochOffset epoch);
 std::vector<map_chunk_t> to_map_messages(const mapping::SurfaceMap& map, EpochOffset epoch);
 
-/// A queue between threads, as published.
-struct QueueHealth {
-  std::string name;
-  std::uint64_t dropped = 0;
-  std::size_t high_water = 0;
-  std::size_t capacity = 0;
-};
-struct NamedThreadHealth {
-  std::string name;
-  ThreadHealth health;
-};
-struct HealthReport {
-  Time t;
-  bool is_realtime = false;
-  std::uint64_t views = 0;
-  std::uint64_t views_failed = 0;
-  std::uint64_t lcm_errors = 0;
-  std::uint64_t storage_errors = 0;
-  DeviceHealthTable devices{};
-  std::vector<NamedThreadHealth> threads;
-  std::vector<QueueHealth> queues;
-};
 health_t to_health_message(const HealthReport& report, EpochOffset epoch);
 
 }  // namespace rosid::msgs
