@@ -1,0 +1,38 @@
+// rosi: simulate, replay, evaluate, inspect and export.
+
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+
+#include "tools/rosi/common.hpp"
+
+int main(int argc, char** argv) {
+  using rosid::rosi::ExitCode;
+  CLI::App app{"rosi: companion of the rosid mapping daemon"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", ROSID_VERSION);
+  app.footer(
+      "Example: rosi sim config/worlds/two-rooms.toml --seed 1 --offline --out drive\n"
+      "         rosi replay drive/drive.log --out run\n"
+      "         rosi eval run --truth drive");
+  rosid::rosi::CommandState state;
+  rosid::rosi::register_sim(app, state);
+  rosid::rosi::register_replay(app, state);
+  rosid::rosi::register_eval(app, state);
+  rosid::rosi::register_export(app, state);
+  rosid::rosi::register_map(app, state);
+  rosid::rosi::register_segment(app, state);
+  rosid::rosi::register_watch(app, state);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error);
+    return code == 0 ? 0 : static_cast<int>(ExitCode::Usage);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "rosi: internal error: {}\n", error.what());
+    return static_cast<int>(ExitCode::Internal);
+  }
+  return static_cast<int>(state.exit_code);
+}
