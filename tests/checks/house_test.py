@@ -38,6 +38,19 @@ class WordsTest(support.TreeTest):
         self.assertEqual(done.returncode, 0, done.stdout)
 
 
+class LinksTest(support.TreeTest):
+    def test_a_dead_link_and_a_dead_name_are_reported(self):
+        self.write("docs/a.md", "[b](b.md#part) and\n`base/time.hpp` or [far](https://example.org/x.md)\n")
+        done = self.run_tool("check_links.py", "--root", self.tree)
+        self.assertIn("docs/a.md:1: docs/b.md is not there", done.stdout)
+        self.assertIn("docs/a.md:2: base/time.hpp is not there", done.stdout)
+        self.assertEqual(done.returncode, 1)
+        self.write("docs/b.md", "[a](a.md)")
+        self.write("base/time.hpp", "")
+        done = self.run_tool("check_links.py", "--root", self.tree)
+        self.assertEqual(done.returncode, 0, done.stdout)
+
+
 class FormatTest(support.TreeTest):
     def test_wrong_spacing_is_reported_and_mended(self):
         self.write(".clang-format", "BasedOnStyle: Google\n")

@@ -242,11 +242,7 @@ TEST_F(FusionTest, ConfidenceFallsWithOverlapAndWithContradictingEdges) {
   fuse({wall(4, -1, 0, 1, 2)});
   const std::vector<PreparedPatch> map = prepare(map_.patches);
   const auto confidence = [&](const Patch& patch) {
-<<<<<<< HEAD
     const std::vector<Patch> patches{patch};
-=======
-    const std::vector<Patch> patches{patch};  // the prepared ones point at it
->>>>>>> rosi
     const std::vector<PreparedPatch> view = prepare(patches);
     return pair_confidence(view[0], map[0], map_.patches[0], pose_, 0.05);
   };

@@ -2,15 +2,10 @@
 
 #include <gtest/gtest.h>
 
-<<<<<<< HEAD
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
-=======
-#include <random>
-#include <set>
->>>>>>> rosi
 
 #include "base/units.hpp"
 #include "mapping/fusion.hpp"
@@ -112,15 +107,10 @@ TEST_F(MatcherTest, FragmentsOfOneSurfaceCountOnce) {
   const auto largest = std::max_element(view.patches.begin(), view.patches.end(), [](const Patch& a, const Patch& b) {
     return a.attributes.area_m2 < b.attributes.area_m2;
   });
-<<<<<<< HEAD
   const std::vector<Patch> whole{*largest};
   const std::vector<Patch> fragments(3, *largest);
   const std::vector<PreparedPatch> one = prepare(whole);
   const std::vector<PreparedPatch> three = prepare(fragments);
-=======
-  const std::vector<PreparedPatch> one = prepare(std::vector<Patch>{*largest});
-  const std::vector<PreparedPatch> three = prepare(std::vector<Patch>{*largest, *largest, *largest});
->>>>>>> rosi
   const auto information = [&](std::span<const PreparedPatch> prepared) {
     std::vector<PatchMatch> matches;
     for (std::size_t k = 0; k < prepared.size(); ++k) { matches.push_back({k, 0, 0.0, 1.0, 1.0}); }
