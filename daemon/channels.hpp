@@ -81,7 +81,7 @@ struct Channels {
   Heartbeat estimator_heartbeat{std::chrono::seconds(1)};
   Heartbeat mapping_heartbeat{std::chrono::seconds(20)};  // one view may take long; the vehicle still has its pose
 
-  /// Everything the devices said up to this instant (ns) has been handled and pushed.
+  /// Everything with a stamp up to this instant (ns) has been handled and pushed.
   std::atomic<std::int64_t> io_progress_ns{0};
   /// Ticks that did not wait any longer for that. Zero: a replay of the log gives the same bytes.
   std::atomic<std::uint64_t> late_inputs{0};

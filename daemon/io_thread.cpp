@@ -28,9 +28,8 @@ Time IoThread::run() noexcept {
   constexpr Duration kHealthPeriod = std::chrono::milliseconds(50);
   Time t_published;
   while (!is_stopping_.load(std::memory_order_acquire)) {
-    const Time t_handled = monotonic_now();
     links_->poll(kHealthPeriod);
-    channels_.io_progress_ns.store(to_ns(t_handled), std::memory_order_release);
+    channels_.io_progress_ns.store(to_ns(links_->settled()), std::memory_order_release);
     const Time now = monotonic_now();
     timer_.begin(now, now);
     if (hook_) { hook_(); }

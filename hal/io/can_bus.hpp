@@ -1,6 +1,7 @@
 #pragma once
 // The CAN bus, through a SocketCAN interface or an slcan adapter on a tty: opened for ever, read and written.
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -51,6 +52,8 @@ class CanBus final : private EventHandler, private SlcanSink {
   /// Opens the link when due and sends what had to wait.
   void step();
   void write(const CanFrame& frame);
+  /// Frames delivered from now on are stamped later than t.
+  void settle(Time t) { t_last_ = std::max(t_last_, t); }
 
   bool is_open() const { return socket_.has_value() || adapter_.has_value(); }
   bool is_busy() const { return count_ > 0 || text_sent_ < text_.size; }

@@ -11,6 +11,8 @@ namespace rosid::hal {
 
 namespace {
 constexpr Duration kTickPeriod = std::chrono::milliseconds(10);
+// How far back a frame is usually dated: a batch of an adapter, a thread that came late.
+constexpr Duration kTickLag = std::chrono::milliseconds(5);
 // A command that waits for the line to drain is looked at this often.
 constexpr Duration kBusyPeriod = std::chrono::milliseconds(1);
 }  // namespace
@@ -43,11 +45,18 @@ void DeviceLinks::attach(FrontEnd& front_end) {
 
 void DeviceLinks::poll(Duration max_wait) {
   ROSID_EXPECT(front_end_ != nullptr);
+  const Time begin = clock_();
   laser_.step();
   can_.step();
   const bool is_busy = laser_.is_busy() || can_.is_busy();
   const EventLoop::Outcome outcome = loop_.wait(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
-  if (outcome.is_tick) { tap_.on_tick(clock_(), *front_end_); }
+  t_settled_ = std::max(t_settled_, begin);
+  if (outcome.is_tick) {
+    // Time-outs wait for frames that were on the bus before them and are only read now.
+    t_settled_ = std::max(t_settled_, clock_() - kTickLag);
+    tap_.on_tick(t_settled_, *front_end_);
+  }
+  can_.settle(t_settled_);
 }
 
 const std::string& DeviceLinks::last_error(Device device) const {

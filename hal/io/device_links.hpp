@@ -39,6 +39,9 @@ class DeviceLinks {
   /// Waits for devices for at most max_wait, handles what they have and ticks the front end when that is due (every
   /// 10 ms). Returns after each event.
   void poll(Duration max_wait);
+  /// Everything stamped up to this instant has been handed to the front end: what is handed over by later calls of
+  /// poll() carries a later stamp, also frames that are dated back. Never decreases.
+  Time settled() const { return t_settled_; }
   /// Any thread, also a signal handler: lets poll() return.
   void wake() const { loop_.wake(); }
 
@@ -63,6 +66,7 @@ class DeviceLinks {
   LaserLink laser_;
   CanBus can_;
   FrontEnd* front_end_ = nullptr;
+  Time t_settled_ = Time::min();
 };
 
 }  // namespace rosid::hal

@@ -34,6 +34,7 @@ class Recording final : public LinkTap {
   void on_laser_baud(Time /*t*/, int baud) override { bauds.push_back(baud); }
   void on_can_received(Time t, const CanFrame& frame) override {
     EXPECT_TRUE(can_received.empty() || t > can_received.back().first);
+    if (links != nullptr) { EXPECT_GT(t, links->settled()); }
     can_received.emplace_back(t, frame);
   }
   void on_can_sent(Time /*t*/, const CanFrame& frame) override { can_sent.push_back(frame); }
@@ -48,6 +49,7 @@ class Recording final : public LinkTap {
     bool is_open;
   };
   std::vector<Chunk> received;
+  const DeviceLinks* links = nullptr;
   std::size_t sent_bytes = 0;
   std::vector<Link> laser_links;
   std::vector<Link> can_links;
@@ -59,9 +61,10 @@ class Recording final : public LinkTap {
 /// Links, front end and sink wired as the daemon does it.
 class Host final : public FrontEndSink {
  public:
-  explicit Host(const HalConfig& config)
-      : links(std::move(*DeviceLinks::create(config, tap))), front_end(config, {}, *this) {
+  explicit Host(const HalConfig& config, ClockFunction clock = monotonic_now)
+      : links(std::move(*DeviceLinks::create(config, tap, clock))), front_end(config, {}, *this) {
     links->attach(front_end);
+    tap.links = links.get();
   }
   void on_line(const ScanLine& /*line*/) override { ++lines; }
   void on_turret(const TurretSample& sample) override { turret.push_back(sample); }
@@ -263,6 +266,33 @@ TEST(DeviceLinks, RunATurretOverAnSlcanAdapter) {
   adapter.pty.unplug();
   EXPECT_TRUE(host.run(2.0, [&] { return host.state(Device::Can) == DeviceState::Absent; }));
   EXPECT_NE(host.links->last_error(Device::Can), "");
+}
+
+/// Hardly goes on, so that frames of one read are dated back beyond everything that happened before.
+Time slow_now() {
+  static std::int64_t ns = 1'000'000'000;
+  ns += 1'000;
+  return time_from_ns(ns);
+}
+
+// The filter's ticks rely on it: what is settled stays as it is.
+TEST(DeviceLinks, NoFrameIsDatedBackBeforeWhatIsSettled) {
+  PtyPair pty;
+  Host host(slcan_at(pty.path()), slow_now);
+  host.run(1.0, [&] { return !host.tap.can_links.empty(); });
+  const SlcanText text = encode_slcan({.id = 0x183, .length = 4});
+  std::vector<std::uint8_t> lines;
+  for (int k = 0; k < 10; ++k) { lines.insert(lines.end(), text.view().begin(), text.view().end()); }
+  Time settled = host.links->settled();
+  for (std::size_t batch = 1; batch <= 20; ++batch) {
+    pty.write(lines);
+    for (int k = 0; k < 100 && host.tap.can_received.size() < 10 * batch; ++k) {
+      host.links->poll(std::chrono::milliseconds(10));
+      EXPECT_GE(host.links->settled(), settled);
+      settled = host.links->settled();
+    }
+    ASSERT_EQ(host.tap.can_received.size(), 10 * batch);  // the tap looks at the stamps
+  }
 }
 
 TEST(DeviceLinks, ACanSocketIsReadAndWritten) {
