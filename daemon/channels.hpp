@@ -36,11 +36,12 @@ struct FixHandover {
   SurfaceFix fix;
 };
 
-/// Why a link to a device is not open; empty text when it is.
+/// Why a link to a device is not open; empty text when it is. What each driver is doing, in static text.
 struct LinkProblems {
   using Text = std::array<char, 192>;
   Text laser{};
   Text can{};
+  std::array<const char*, kDeviceCount> details{};
 };
 
 /// Capacities: longest stall of the consumer x rate x 2, rounded up.

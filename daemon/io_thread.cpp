@@ -48,7 +48,9 @@ Time IoThread::run() noexcept {
 }
 
 void IoThread::publish_health() {
-  channels_.devices.write(input_->health());
+  DeviceHealthTable devices = input_->health();
+  links_->add_link_health(devices);
+  channels_.devices.write(devices);
   channels_.io_health.write(timer_.end(monotonic_now(), false));
   LinkProblems problems;
   const auto copy = [](const std::string& text, LinkProblems::Text& target) {
@@ -57,6 +59,9 @@ void IoThread::publish_health() {
   };
   copy(links_->last_error(Device::Laser), problems.laser);
   copy(links_->last_error(Device::Can), problems.can);
+  for (std::size_t k = 0; k < problems.details.size(); ++k) {
+    problems.details[k] = links_->detail(static_cast<Device>(k));
+  }
   channels_.link_problems.write(problems);
 }
 

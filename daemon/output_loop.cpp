@@ -109,10 +109,21 @@ void OutputLoop::drain_raw() {
   }
 }
 
-std::string OutputLoop::problem_of(std::size_t device) {
+std::string OutputLoop::problem_of(std::size_t device, DeviceState state) {
   const LinkProblems& problems = channels_.link_problems.read();
-  const auto& text = static_cast<Device>(device) == Device::Laser ? problems.laser : problems.can;
-  return text.front() == '\0' ? "" : fmt::format(" ({})", text.data());
+  const auto& link = static_cast<Device>(device) == Device::Laser ? problems.laser : problems.can;
+  const char* text = state == DeviceState::Absent ? link.data() : problems.details[device];
+  return text == nullptr || *text == '\0' ? "" : fmt::format(" ({})", text);
+}
+
+void OutputLoop::explain(std::size_t device, Time now) {
+  constexpr Duration kPatience = std::chrono::seconds(10);
+  Shown& shown = shown_[device];
+  const bool is_content = shown.state == DeviceState::Running || shown.state == DeviceState::Disabled;
+  if (is_content || shown.is_explained || now - shown.t < kPatience) { return; }
+  shown.is_explained = true;
+  journal_.line(Priority::Warning, fmt::format("{}: still {} after 10 s{}", to_cstr(static_cast<Device>(device)),
+                                               to_cstr(shown.state), problem_of(device, shown.state)));
 }
 
 void OutputLoop::watch_devices(Time now) {
@@ -122,12 +133,13 @@ void OutputLoop::watch_devices(Time now) {
     Shown& shown = shown_[k];
     if (state != devices_[k].state) { ++shown.changes; }
     // At most one line a second for each device; what happens in between is counted.
+    if (state == shown.state) { explain(k, now); }
     if (state == shown.state || now - shown.t < std::chrono::seconds(1)) { continue; }
     const char* name = to_cstr(static_cast<Device>(k));
     journal_.line(priority_of(state), fmt::format("{}: {} -> {}{}{}", name, to_cstr(shown.state), to_cstr(state),
-                                                  state == DeviceState::Absent ? problem_of(k) : "",
+                                                  priority_of(state) == Priority::Warning ? problem_of(k, state) : "",
                                                   shown.changes > 1 ? fmt::format(", {} changes", shown.changes) : ""));
-    shown = {state, now, 0};
+    shown = {state, now, 0, false};
   }
   devices_ = latest;
 }

@@ -51,7 +51,8 @@ class OutputLoop {
   void feed_watchdog(Time now);
   void publish_health(Time now);
   std::string status_text() const;
-  std::string problem_of(std::size_t device);
+  std::string problem_of(std::size_t device, DeviceState state);
+  void explain(std::size_t device, Time now);
   std::uint64_t storage_errors() const;
 
   const config::RosidConfig& config_;
@@ -73,6 +74,7 @@ class OutputLoop {
     DeviceState state = DeviceState::Disabled;
     Time t;
     int changes = 0;
+    bool is_explained = false;  // why it stays as it is
   };
   std::array<Shown, kDeviceCount> shown_{};
   bool was_lcm_warned_ = false;

@@ -208,7 +208,8 @@ const char* FrontEnd::detail(Device device) const {
     case Device::Tilt: return impl_->tilt.node().detail();
     case Device::Can:
       if (!impl_->is_can_open) { return "link is closed"; }
-      return impl_->is_bus_off ? "bus-off: the controller has left the bus" : "open";
+      if (impl_->is_bus_off) { return "bus-off: the controller has left the bus"; }
+      return impl_->has_can_frame ? "open" : "open, but no frame came yet; check bit rate, termination and power";
   }
   return "unknown";
 }

@@ -264,14 +264,15 @@ const char* Node::detail() const {
   if (emergency_ != 0) { return emergency_text(emergency_); }
   switch (phase_) {
     case Phase::Closed: return "link is closed";
-    case Phase::Setup: return "setting up by SDO";
-    case Phase::Starting: return "started, no process data yet";
+    case Phase::Setup:
+    case Phase::Starting:
+      if (pause_ > kPauseMin) { break; }  // not the first attempt
+      return phase_ == Phase::Setup ? "setting up by SDO" : "started, no process data yet";
     case Phase::Running: return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
-    case Phase::BackOff:
-      return is_heard_ ? "answers, but sends no process data (TPDO1); check its mapping and event timer"
-                       : "no frame from this node; check node number, bit rate and termination";
+    case Phase::BackOff: break;
   }
-  return "unknown";
+  return is_heard_ ? "answers, but sends no process data (TPDO1); check its mapping and event timer"
+                   : "no frame from this node; check node number, bit rate and termination";
 }
 
 }  // namespace rosid::hal::canopen

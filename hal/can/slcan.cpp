@@ -129,13 +129,23 @@ void SlcanParser::feed(std::span<const std::uint8_t> bytes, SlcanSink& sink) {
       reset();
       sink.on_slcan_error();
     } else if (c != kLineFeed) {
-      if (size_ < line_.size() && is_printable(c)) {
-        line_[size_] = c;
-        ++size_;
-      } else {
-        is_bad_ = true;
-      }
+      take(c);
     }
+  }
+}
+
+void SlcanParser::take(char c) {
+  if (size_ < line_.size() && is_printable(c)) {
+    line_[size_] = c;
+    ++size_;
+    return;
+  }
+  is_bad_ = true;
+  // A stream without any terminator is not to go unnoticed.
+  ++bad_bytes_;
+  if (bad_bytes_ == line_.size()) {
+    bad_bytes_ = 0;
+    ++format_errors_;
   }
 }
 
@@ -160,6 +170,7 @@ void SlcanParser::end_line(SlcanSink& sink) {
 
 void SlcanParser::reset() {
   size_ = 0;
+  bad_bytes_ = 0;
   is_bad_ = false;
 }
 

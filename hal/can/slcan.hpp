@@ -49,7 +49,7 @@ class SlcanSink {
 };
 
 /// Splits a byte stream into lines. A line that is too long, holds bytes that are not printable, or begins like a frame
-/// but is none is counted and skipped up to its terminator.
+/// but is none is counted and skipped up to its terminator; one that does not end is counted again every 32 bytes.
 class SlcanParser {
  public:
   void feed(std::span<const std::uint8_t> bytes, SlcanSink& sink);
@@ -58,10 +58,12 @@ class SlcanParser {
   std::uint64_t format_errors() const { return format_errors_; }
 
  private:
+  void take(char c);
   void end_line(SlcanSink& sink);
 
   std::array<char, 32> line_{};
   std::size_t size_ = 0;
+  std::size_t bad_bytes_ = 0;
   bool is_bad_ = false;
   std::uint64_t bytes_ = 0;
   std::uint64_t format_errors_ = 0;

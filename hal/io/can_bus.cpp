@@ -16,6 +16,8 @@ namespace {
 constexpr int kAdapterBaud = 115200;
 constexpr Duration kWriteLimit = std::chrono::milliseconds(100);
 constexpr int kMostReads = 64;
+// An adapter that restarted has forgotten that it was opened.
+constexpr Duration kAdapterSilence = std::chrono::seconds(2);
 
 constexpr std::array<std::uint32_t, 7> kBases{canopen::cob::kTpdo1,          canopen::cob::kTpdo1 + 0x100U,
                                               canopen::cob::kTpdo1 + 0x200U, canopen::cob::kTpdo1 + 0x300U,
@@ -56,7 +58,17 @@ void CanBus::step() {
   if (!config_.enabled || front_end_ == nullptr) { return; }
   const Time now = clock_();
   if (!is_open() && reopen_.is_due(now)) { try_open(now); }
+  remind_adapter(now);
   if (is_open()) { pump(); }
+}
+
+void CanBus::remind_adapter(Time now) {
+  if (!adapter_ || text_sent_ < text_.size || now - t_heard_ < kAdapterSilence) { return; }
+  t_heard_ = now;
+  if (const auto commands = slcan_open_commands(config_.bitrate)) {
+    text_ = *commands;
+    text_sent_ = 0;
+  }
 }
 
 void CanBus::try_open(Time now) {
@@ -90,6 +102,7 @@ Result<void> CanBus::open_adapter() {
   parser_.reset();
   text_ = *commands;
   text_sent_ = 0;
+  t_heard_ = clock_();
   return {};
 }
 
@@ -105,6 +118,7 @@ void CanBus::adopt(CanSocket socket) {
 
 void CanBus::announce_open(Time now) {
   ++counters_.opened;
+  good_until_ = counters_.format_errors;
   head_ = 0;
   count_ = 0;
   last_error_.clear();
@@ -163,6 +177,7 @@ void CanBus::read_adapter() {
     batch_size_ = 0;
     parser_.feed(std::span<const std::uint8_t>(buffer_).first(got.size), *this);
     counters_.format_errors = parser_.format_errors();
+    if (batch_size_ > 0) { t_heard_ = now; }
     deliver_batch(now);
   }
 }
@@ -171,6 +186,7 @@ void CanBus::on_slcan_frame(const CanFrame& frame) {
   if (batch_size_ == batch_.size()) { return; }  // cannot happen: the buffer holds fewer lines
   batch_[batch_size_] = frame;
   ++batch_size_;
+  good_until_ = parser_.format_errors();
 }
 
 void CanBus::on_slcan_line(std::string_view /*line*/) {
@@ -198,6 +214,11 @@ void CanBus::deliver(Time t, const CanFrame& frame) {
   t_last_ = t;
   tap_.on_can_received(t, frame);
   front_end_->on_can_frame(t, frame);
+}
+
+bool CanBus::is_nonsense() const {
+  constexpr std::uint64_t kBadLines = 10;
+  return adapter_.has_value() && counters_.format_errors >= good_until_ + kBadLines;
 }
 
 void CanBus::write(const CanFrame& frame) {

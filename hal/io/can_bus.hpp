@@ -55,6 +55,8 @@ class CanBus final : private EventHandler, private SlcanSink {
   /// Frames delivered from now on are stamped later than t.
   void settle(Time t) { t_last_ = std::max(t_last_, t); }
 
+  /// Bytes arrive that are no frames, and no frame has come since: the wrong adapter, bit rate or device.
+  bool is_nonsense() const;
   bool is_open() const { return socket_.has_value() || adapter_.has_value(); }
   bool is_busy() const { return count_ > 0 || text_sent_ < text_.size; }
   const std::string& last_error() const { return last_error_; }
@@ -74,6 +76,7 @@ class CanBus final : private EventHandler, private SlcanSink {
   void try_open(Time now);
   Result<void> open_socket();
   Result<void> open_adapter();
+  void remind_adapter(Time now);
   void announce_open(Time now);
   void close(std::string why);
   void read_socket();
@@ -96,9 +99,11 @@ class CanBus final : private EventHandler, private SlcanSink {
   SlcanParser parser_;
   SlcanText text_;  // being written to the adapter
   std::size_t text_sent_ = 0;
+  Time t_heard_;  // last frame or open commands on an adapter
   ReopenTimer reopen_;
   std::string last_error_;
   Counters counters_;
+  std::uint64_t good_until_ = 0;  // format errors when the last frame came
   std::array<Pending, 64> queue_{};
   std::size_t head_ = 0;
   std::size_t count_ = 0;

@@ -59,6 +59,21 @@ void DeviceLinks::poll(Duration max_wait) {
   can_.settle(t_settled_);
 }
 
+void DeviceLinks::add_link_health(DeviceHealthTable& table) const {
+  DeviceHealth& health = table[static_cast<std::size_t>(Device::Can)];
+  health.format_errors += can_.counters().format_errors;
+  health.lost += can_.counters().kernel_drops;
+  const bool is_waiting = health.state == DeviceState::Connecting || health.state == DeviceState::Silent;
+  if (is_waiting && can_.is_nonsense()) { health.state = DeviceState::Faulty; }
+}
+
+const char* DeviceLinks::detail(Device device) const {
+  if (device == Device::Can && can_.is_nonsense()) {
+    return "bytes arrive but are no frames; check that the port is the slcan adapter";
+  }
+  return front_end_->detail(device);
+}
+
 const std::string& DeviceLinks::last_error(Device device) const {
   return device == Device::Laser ? laser_.last_error() : can_.last_error();
 }

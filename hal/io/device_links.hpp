@@ -50,6 +50,11 @@ class DeviceLinks {
   void set_laser_baud(int baud) { laser_.set_baud(baud); }
   void write_can(const CanFrame& frame) { can_.write(frame); }
 
+  /// Adds what the links know beyond the front end: the state "faulty" of an adapter that talks nonsense, its format
+  /// errors, and the frames the kernel had to drop.
+  void add_link_health(DeviceHealthTable& table) const;
+  /// As FrontEnd::detail(), with the links' own findings.
+  const char* detail(Device device) const;
   /// Why a link is not open and what to do about it; empty when it is. Sensors on the bus give the bus's text.
   const std::string& last_error(Device device) const;
   const LaserLink& laser() const { return laser_; }

@@ -25,6 +25,7 @@ void Session::on_link(Time now, bool is_open) {
   pause_ = kPauseMin;
   has_spoken_ = false;
   baud_failures_ = 0;
+  advice_ = nullptr;
   if (is_open) {
     state_ = DeviceState::Connecting;
     start(now, config_.baud);
@@ -80,6 +81,7 @@ void Session::back_off(Time now, DeviceState state, const char* why) {
   phase_ = Phase::BackOff;
   state_ = state;
   detail_ = why;
+  advice_ = why;
   deadline_ = now + pause_;
   pause_ = std::min(2 * pause_, kPauseMax);
 }
@@ -255,6 +257,7 @@ void Session::on_scan(Time now, std::uint8_t device_status) {
     pause_ = kPauseMin;
     enter(now, Phase::Streaming);
     state_ = DeviceState::Running;
+    advice_ = nullptr;
   }
   if (phase_ != Phase::Streaming) { return; }
   const bool has_error = (device_status & status::kSeverityMask) >= status::kError;

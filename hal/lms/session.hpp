@@ -78,7 +78,7 @@ class Session {
   DeviceState state() const { return state_; }
   Phase phase() const { return phase_; }
   /// What it is doing or what went wrong, for a person. Static storage.
-  const char* detail() const { return detail_; }
+  const char* detail() const { return phase_ == Phase::StopStream && advice_ != nullptr ? advice_ : detail_; }
   /// Baud rate of the host's end; 0 before the first one is chosen.
   int baud() const { return baud_; }
   /// From the device's configuration: decides how measured words are read.
@@ -122,6 +122,7 @@ class Session {
   Phase phase_ = Phase::Closed;
   DeviceState state_ = DeviceState::Absent;
   const char* detail_ = "port is closed";
+  const char* advice_ = nullptr;  // why the last attempt failed, until one succeeds
   Time deadline_ = Time::max();
   int tries_ = 0;
   bool was_nak_ = false;  // the last try was answered by NAK

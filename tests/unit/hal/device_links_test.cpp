@@ -268,6 +268,25 @@ TEST(DeviceLinks, RunATurretOverAnSlcanAdapter) {
   EXPECT_NE(host.links->last_error(Device::Can), "");
 }
 
+TEST(DeviceLinks, AnAdapterThatTalksNonsenseIsFaultyWithACounterAndRecovers) {
+  PtyAdapter adapter;
+  Host host(slcan_at(adapter.pty.path()));
+  const auto can = [&] {
+    DeviceHealthTable table = host.front_end.health();
+    host.links->add_link_health(table);
+    return table[static_cast<std::size_t>(Device::Can)];
+  };
+  const std::vector<std::uint8_t> nonsense(20, 0xA5);
+  const auto babble = [&] {
+    adapter.pty.write(nonsense);
+    static_cast<void>(adapter.pty.read());
+  };
+  EXPECT_TRUE(host.run(5.0, [&] { return can().state == DeviceState::Faulty; }, babble));
+  EXPECT_GE(can().format_errors, 10U);
+  EXPECT_THAT(host.links->detail(Device::Can), testing::HasSubstr("no frames"));
+  EXPECT_TRUE(host.run(15.0, [&] { return can().state == DeviceState::Running; }, [&] { adapter.live(); }));
+}
+
 /// Hardly goes on, so that frames of one read are dated back beyond everything that happened before.
 Time slow_now() {
   static std::int64_t ns = 1'000'000'000;
