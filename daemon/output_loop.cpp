@@ -119,8 +119,10 @@ std::string OutputLoop::problem_of(std::size_t device, DeviceState state) {
 void OutputLoop::explain(std::size_t device, Time now) {
   constexpr Duration kPatience = std::chrono::seconds(10);
   Shown& shown = shown_[device];
-  const bool is_content = shown.state == DeviceState::Running || shown.state == DeviceState::Disabled;
-  if (is_content || shown.is_explained || now - shown.t < kPatience) { return; }
+  // Of an absent one the reason was told at once.
+  const bool is_settled =
+      shown.state == DeviceState::Running || shown.state == DeviceState::Disabled || shown.state == DeviceState::Absent;
+  if (is_settled || shown.is_explained || now - shown.t < kPatience) { return; }
   shown.is_explained = true;
   journal_.line(Priority::Warning, fmt::format("{}: still {} after 10 s{}", to_cstr(static_cast<Device>(device)),
                                                to_cstr(shown.state), problem_of(device, shown.state)));
@@ -136,9 +138,11 @@ void OutputLoop::watch_devices(Time now) {
     if (state == shown.state) { explain(k, now); }
     if (state == shown.state || now - shown.t < std::chrono::seconds(1)) { continue; }
     const char* name = to_cstr(static_cast<Device>(k));
-    journal_.line(priority_of(state), fmt::format("{}: {} -> {}{}{}", name, to_cstr(shown.state), to_cstr(state),
-                                                  priority_of(state) == Priority::Warning ? problem_of(k, state) : "",
-                                                  shown.changes > 1 ? fmt::format(", {} changes", shown.changes) : ""));
+    const std::string before = shown.t == Time{} ? "" : fmt::format("{} -> ", to_cstr(shown.state));
+    journal_.line(priority_of(state),
+                  fmt::format("{}: {}{}{}{}", name, before, to_cstr(state),
+                              state == DeviceState::Absent || state == DeviceState::Faulty ? problem_of(k, state) : "",
+                              shown.changes > 1 ? fmt::format(", {} changes", shown.changes) : ""));
     shown = {state, now, 0, false};
   }
   devices_ = latest;

@@ -209,7 +209,9 @@ const char* FrontEnd::detail(Device device) const {
     case Device::Can:
       if (!impl_->is_can_open) { return "link is closed"; }
       if (impl_->is_bus_off) { return "bus-off: the controller has left the bus"; }
-      return impl_->has_can_frame ? "open" : "open, but no frame came yet; check bit rate, termination and power";
+      return impl_->can_health().state == DeviceState::Running
+                 ? "open"
+                 : "open, but no frame comes; check bit rate, termination and power";
   }
   return "unknown";
 }
