@@ -1,6 +1,7 @@
 // rosi watch: one live line about a running rosid, from its LCM channels.
 
 #include <fmt/core.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -54,20 +55,21 @@ class LiveState {
   void on_health(const lcm::ReceiveBuffer* /*buffer*/, const std::string& /*channel*/, const health_t* message) {
     cycles_.clear();
     for (std::size_t k = 0; k < message->thread_name.size(); ++k) {
-      cycles_ +=
-          fmt::format(" {} {:.2f}/{:.2f}", message->thread_name[k], 1e3 * static_cast<double>(message->cycle_mean_s[k]),
-                      1e3 * static_cast<double>(message->cycle_max_s[k]));
+      const double mean_ms = 1e3 * static_cast<double>(message->cycle_mean_s[k]);
+      const double max_ms = 1e3 * static_cast<double>(message->cycle_max_s[k]);
+      if (message->thread_name[k] == "estimator") { cycles_ += fmt::format(" filter {:.1f}/{:.0f}", mean_ms, max_ms); }
+      if (message->thread_name[k] == "mapping") { cycles_ += fmt::format(" map {:.0f}", max_ms); }
     }
   }
 
   std::string line(const Trajectory& truth, double elapsed_s) const {
-    std::string text = fmt::format("{:6.1f} s  {:6.2f} m", elapsed_s, Trajectory(poses_).length_m());
+    std::string text = fmt::format("{:5.1f} s {:6.2f} m", elapsed_s, Trajectory(poses_).length_m());
     if (const auto error = latest_error_m(Trajectory(poses_), truth)) {
-      text += fmt::format("  error {:5.1f} cm", 100.0 * *error);
+      text += fmt::format("  error {:4.1f} cm", 100.0 * *error);
     }
-    text += fmt::format("  sigma {:4.1f} cm  views {:3d}  patches {:4d}  fixes {:3d}", 100.0 * sigma_m_, views_,
-                        patches_, fixes_);
-    return cycles_.empty() ? text : text + "  cycle mean/max ms:" + cycles_;
+    text += fmt::format(" {:3d} views {:4d} patches", views_, patches_);
+    if (!cycles_.empty()) { text += "  ms:" + cycles_; }
+    return text + fmt::format("  sigma {:.1f} cm  {} fixes", 100.0 * sigma_m_, fixes_);
   }
 
  private:
@@ -93,6 +95,16 @@ class LiveState {
   int patches_ = 0;
   int views_ = 0;
 };
+
+/// As much of the text as one line of the terminal takes: a longer one would not be overwritten.
+std::string fitted(std::string text) {
+  winsize size{};
+  // NOLINTNEXTLINE(cppcoreguidelines-pro-type-vararg): the system call has no other form
+  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && text.size() >= size.ws_col) {
+    text.resize(size.ws_col - 1U);
+  }
+  return text;
+}
 
 bool is_running(pid_t pid) {
   return pid == 0 || kill(pid, 0) == 0 || errno == EPERM;
@@ -123,7 +135,8 @@ ExitCode run(const WatchOptions& options) {
     if (truth.empty() && !options.truth.empty()) {
       truth = read_trajectory(options.truth / "truth.tum").value_or(truth);
     }
-    fmt::print("{}{}{}", is_terminal ? "\r" : "", state.line(truth, elapsed_s), is_terminal ? "\x1b[K" : "\n");
+    const std::string line = state.line(truth, elapsed_s);
+    fmt::print("{}", is_terminal ? "\r" + fitted(line) + "\x1b[K" : line + "\n");
     static_cast<void>(std::fflush(stdout));
   }
   if (is_terminal) { fmt::print("\n"); }
@@ -135,6 +148,9 @@ ExitCode run(const WatchOptions& options) {
 void register_watch(CLI::App& app, CommandState& state) {
   CLI::App* command = app.add_subcommand("watch", "Show a live line about a running rosid");
   command->footer(
+      "Time, way, position error against the truth, views, patches in the map, cycle times of the filter "
+      "(mean/largest)\n"
+      "and of mapping (largest, with a view), the filter's own standard deviation of the position, fixes.\n"
       "Ends with Ctrl-C, after --seconds or with the process --until-pid names.\n"
       "Example: rosi watch --truth drive --seconds 60");
   auto options = std::make_shared<WatchOptions>();
