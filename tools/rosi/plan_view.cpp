@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace rosid::rosi {
@@ -10,6 +11,7 @@ namespace {
 constexpr double kLevelCosine = 0.9;
 constexpr double kCeilingHeight_m = 1.5;
 constexpr Colour kFloor{225, 228, 232};
+constexpr Colour kGrid{190, 195, 202};
 constexpr Colour kWallStroke{40, 40, 48};
 
 std::vector<Canvas::Polyline> project(const mapping::Patch& patch) {
@@ -21,6 +23,23 @@ std::vector<Canvas::Polyline> project(const mapping::Patch& patch) {
     }
   }
   return rings;
+}
+
+/// Lines every metre, every fifth stronger (of large maps: every 10 and 50 m), to read lengths off.
+void draw_grid(Canvas& canvas, const Vec2& low, const Vec2& high) {
+  constexpr double kLargest_m = 100.0;
+  constexpr int kStrong = 5;
+  if (!(low.array() <= high.array()).all()) { return; }
+  const double step_m = (high - low).maxCoeff() > kLargest_m ? 10.0 : 1.0;
+  for (const int axis : {0, 1}) {
+    const int last = static_cast<int>(std::floor(high[axis] / step_m));
+    for (int k = static_cast<int>(std::ceil(low[axis] / step_m)); k <= last; ++k) {
+      Vec2 from = low;
+      Vec2 to = high;
+      from[axis] = to[axis] = k * step_m;
+      canvas.polyline({from, to}, kGrid, k % kStrong == 0 ? 1.5 : 0.5);
+    }
+  }
 }
 
 }  // namespace
@@ -41,8 +60,23 @@ Canvas draw_plan(const std::vector<const mapping::MapPatch*>& patches, const std
     return std::pair(layer(a), a->patch.plane.centroid.z()) < std::pair(layer(b), b->patch.plane.centroid.z());
   });
   Canvas canvas;
+  Vec2 low = Vec2::Constant(std::numeric_limits<double>::max());
+  Vec2 high = -low;
+  for (const mapping::MapPatch* entry : order) {
+    for (const Canvas::Polyline& ring : project(entry->patch)) {
+      for (const Vec2& p : ring) {
+        low = low.cwiseMin(p);
+        high = high.cwiseMax(p);
+      }
+    }
+  }
+  bool has_grid = false;
   for (const mapping::MapPatch* entry : order) {
     const bool is_floor = entry->is_floor;
+    if (!is_floor && !has_grid) {
+      has_grid = true;
+      draw_grid(canvas, low, high);
+    }
     const Colour colour = is_floor ? kFloor : label_colour(entry->patch.id);
     canvas.polygon(project(entry->patch), colour, is_floor ? 1.0 : 0.75, is_floor ? kFloor : kWallStroke);
   }
