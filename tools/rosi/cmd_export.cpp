@@ -37,17 +37,17 @@ std::vector<Vec3> points_of(const Trajectory& trajectory, const RigidTransform& 
   return points;
 }
 
-/// Tracks that exist, in map coordinates.
-std::vector<PlanTrack> load_tracks(const ExportOptions& options) {
+/// Tracks that exist, in map coordinates. The truth must exist when it was asked for.
+Result<std::vector<PlanTrack>> load_tracks(const ExportOptions& options) {
   std::vector<PlanTrack> tracks;
   const auto estimate = read_trajectory(options.run / "trajectory.tum");
   if (const auto odometry = read_trajectory(options.run / "odometry.tum")) {
     tracks.push_back({points_of(*odometry, {}), kOdometryColour});
   }
   if (!options.truth.empty() && estimate) {
-    if (const auto truth = read_trajectory(options.truth / "truth.tum")) {
-      tracks.push_back({points_of(*truth, align_by_first_pose(*estimate, *truth).inverse()), kTruthColour});
-    }
+    const auto truth = read_trajectory(options.truth / "truth.tum");
+    if (!truth) { return tl::unexpected<Error>(truth.error()); }
+    tracks.push_back({points_of(*truth, align_by_first_pose(*estimate, *truth).inverse()), kTruthColour});
   }
   if (estimate) { tracks.push_back({points_of(*estimate, {}), kEstimateColour}); }
   return tracks;
@@ -62,7 +62,9 @@ Result<void> export_run(const ExportOptions& options) {
     patches.push_back(&entry.patch);
     entries.push_back(&entry);
   }
-  const Canvas plan = draw_plan(entries, load_tracks(options));
+  const auto tracks = load_tracks(options);
+  if (!tracks) { return tl::unexpected<Error>(tracks.error()); }
+  const Canvas plan = draw_plan(entries, *tracks);
   if (auto made = make_directory(options.out); !made) { return made; }
   if (auto written = write_file(options.out / "map.ply", to_ply(patches)); !written) { return written; }
   if (auto written = write_file(options.out / "map.gltf", to_gltf(patches)); !written) { return written; }
@@ -87,7 +89,8 @@ ExitCode run(const ExportOptions& options) {
 void register_export(CLI::App& app, CommandState& state) {
   CLI::App* command = app.add_subcommand("export", "Write a run as TUM, PLY, glTF, SVG and PNG");
   command->footer(
-      "Red is the estimate, grey the wheels alone, blue the truth.\n"
+      "plan.svg, plan.png: red is the estimate, grey the wheels alone, blue the truth; the grid is 1 m, strong lines\n"
+      "5 m (10 m and 50 m for maps beyond 100 m).\n"
       "Example: rosi export run --truth drive --out pictures");
   auto options = std::make_shared<ExportOptions>();
   command->add_option("RUN", options->run, "folder of a run: map.rosi, trajectory.tum")->required();

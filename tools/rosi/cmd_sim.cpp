@@ -48,11 +48,13 @@ config::RosidConfig rosid_config(const config::World& world, const SimOptions& o
   config.hal.laser.mode = is_partial ? hal::LaserMode::Partial : hal::LaserMode::Complete;
   config.hal.laser.opening_deg = world.laser.opening_deg;
   config.hal.laser.resolution_deg = world.laser.resolution_deg;
-  config.hal.laser.device = fs::absolute(options.out / "laser").string();
+  config.output.record = true;
   const bool is_socket = !options.can_interface.empty();
   config.hal.can.link = is_socket ? hal::CanLink::SocketCan : hal::CanLink::Slcan;
+  // Offline nothing is opened: the same world and seed give the same bytes, wherever they go.
+  if (!options.live) { return config; }
+  config.hal.laser.device = fs::absolute(options.out / "laser").string();
   config.hal.can.device = is_socket ? options.can_interface : fs::absolute(options.out / "can").string();
-  config.output.record = true;
   return config;
 }
 
@@ -122,6 +124,7 @@ Result<void> prepare_folder(const SimOptions& options, const config::RosidConfig
 }
 
 ExitCode run(const SimOptions& options) {
+  if (const auto text = read_file(options.world); !text) { return fail("sim", text.error()); }
   const auto world = config::load_world(options.world);
   if (!world) {
     for (const config::Issue& issue : world.error()) { fmt::print(stderr, "{}\n", config::to_string(issue)); }
@@ -147,7 +150,7 @@ void register_sim(CLI::App& app, CommandState& state) {
       "         rosi sim config/worlds/hall.toml --live --out drive");
   auto options = std::make_shared<SimOptions>();
   command->add_option("WORLD", options->world, "world file, see docs/worlds.md")->required();
-  command->add_option("--seed", options->seed, "seed of every random error (default 1)");
+  command->add_option("--seed", options->seed, "seed of every random error (default 1)")->check(CLI::NonNegativeNumber);
   command->add_option("--out", options->out, "folder to write to")->required();
   auto* offline = command->add_flag("--offline", options->offline, "virtual time, into DIR/drive.log (default)");
   command->add_flag("--live", options->live, "real time, devices on pseudo-terminals DIR/laser and DIR/can")

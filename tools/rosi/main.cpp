@@ -5,6 +5,8 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <string>
+#include <vector>
 
 #include "tools/rosi/common.hpp"
 
@@ -25,6 +27,12 @@ int main(int argc, char** argv) {
   rosid::rosi::register_map(app, state);
   rosid::rosi::register_segment(app, state);
   rosid::rosi::register_watch(app, state);
+  const std::vector<std::string> words(argv, argv + argc);  // NOLINT(cppcoreguidelines-pro-bounds-pointer-arithmetic)
+  const auto is_named = [&words](const CLI::App* command) { return command->get_name() == words[1]; };
+  if (words.size() > 1 && !words[1].starts_with('-') && app.get_subcommands(is_named).empty()) {
+    fmt::print(stderr, "rosi: there is no command '{}'; see rosi --help\n", words[1]);
+    return static_cast<int>(ExitCode::Usage);
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
