@@ -53,8 +53,8 @@ struct Channels {
   // I/O thread -> mapping thread, which may work 3 s on a view: 75 lines/s and up to 500 turret samples/s.
   SpscQueue<ScanLine> lines{512};
   SpscQueue<TurretSample> turret{4096};
-  // I/O thread -> estimator thread: up to 500 samples/s, stall 0.2 s.
-  SpscQueue<FilterSample> samples{512};
+  // I/O thread -> estimator thread: up to 500 samples/s; a line that stood still may deliver 4 s of them at once.
+  SpscQueue<FilterSample> samples{4096};
   // Estimator thread -> mapping thread: 20/s, stall 10 s: a view without poses would be lost.
   SpscQueue<TrackedPose> poses{512};
   // Mapping thread -> estimator thread: at most one is under way.

@@ -21,8 +21,8 @@ class LinkTap {
   virtual void on_can_received(Time t, const CanFrame& frame) = 0;
   virtual void on_can_sent(Time t, const CanFrame& frame) = 0;
   virtual void on_can_link(Time t, bool is_open) = 0;
-  /// The front end's time-outs up to `now` are due; nothing stamped up to then follows. Whoever runs its ticks on a grid of its own, so that a replay of what was
-  /// recorded can repeat them, overrides this.
+  /// The front end's time-outs up to `now` are due; nothing stamped up to then follows. Whoever runs its ticks on a
+  /// grid of its own, so that a replay of what was recorded can repeat them, overrides this.
   virtual void on_tick(Time now, FrontEnd& front_end) { front_end.tick(now); }
 };
 
