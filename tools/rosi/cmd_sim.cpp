@@ -1,6 +1,8 @@
 // rosi sim: a simulated vehicle, offline into a log or live on pseudo-terminals.
 
 #include <fmt/core.h>
+#include <pthread.h>
+#include <sched.h>
 
 #include <atomic>
 #include <csignal>
@@ -89,6 +91,14 @@ Result<void> run_offline(const SimOptions& options, sim::SimulatedPlant& plant, 
   return {};
 }
 
+/// Real devices do not mind what else the machine is doing: the lowest real-time priority, below rosid's own threads.
+/// Without the right to it the stamps jitter when the machine is busy.
+void take_priority() {
+  sched_param parameters{};
+  parameters.sched_priority = 1;
+  static_cast<void>(pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters));
+}
+
 Result<void> run_live(const SimOptions& options, sim::SimulatedPlant& plant, const config::RosidConfig& config) {
   sim::LiveOptions live;
   live.bench = sim::bench_options(config.hal, config.calibration, options.seed);
@@ -103,6 +113,7 @@ Result<void> run_live(const SimOptions& options, sim::SimulatedPlant& plant, con
   if (!drive) { return tl::unexpected<Error>(drive.error()); }
   static_cast<void>(std::signal(SIGINT, request_stop));
   static_cast<void>(std::signal(SIGTERM, request_stop));
+  take_priority();
   fmt::print("devices ready; start the daemon with: rosid --config {}\n", (options.out / "effective.toml").string());
   static_cast<void>(std::fflush(stdout));
   const auto report = (*drive)->run(stop_requested);
