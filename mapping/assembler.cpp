@@ -19,6 +19,8 @@ constexpr Duration kClockJump{1'000'000'000};
 /// A half turn without a usable line for this long has stopped.
 constexpr Duration kStandstill{2'000'000'000};
 constexpr double kMaxTurretRate_rad_per_s = 6.0 * kPi;
+/// Readings that had to wait come in one batch, with stamps next to each other.
+constexpr double kStampSlack_s = 0.05;
 /// Backward movement below this is encoder noise.
 constexpr double kReversal_rad = 0.01;
 constexpr int kMaxColumns = 1441;
@@ -94,7 +96,8 @@ void Assembler::add(const TurretSample& sample) {
   std::uint32_t epoch = 0;
   if (!turret_.empty()) {
     const TurretKnot& last = turret_.back();
-    const bool too_fast = std::abs(u_rad - last.u_rad) > kMaxTurretRate_rad_per_s * std::abs(to_s(sample.t - last.t));
+    const double elapsed_s = std::abs(to_s(sample.t - last.t)) + kStampSlack_s;
+    const bool too_fast = std::abs(u_rad - last.u_rad) > kMaxTurretRate_rad_per_s * elapsed_s;
     epoch = last.epoch + (sample.restarted || too_fast || jumped ? 1U : 0U);
     if (jumped) { turret_.clear(); }
   }

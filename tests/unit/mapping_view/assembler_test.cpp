@@ -253,6 +253,28 @@ TEST(Assembler, RestartOfTheTurretTearsTheImage) {
   EXPECT_GE(assembler.counters().lines_without_angle, 1U);
 }
 
+// A bus that was held up for 40 ms delivers the readings of that time in one batch, hardly apart.
+TEST(Assembler, ABatchOfLateTurretReadingsTearsNothing) {
+  const Drive drive;
+  Assembler prompt(drive.config, drive.calibration);
+  const std::size_t expected = drive.run(prompt, 18.0).size();
+  ASSERT_GE(expected, 3U);
+  Assembler assembler(drive.config, drive.calibration);
+  std::size_t images = 0;
+  int next_line = 0;
+  for (int tick = 0; tick < 1800; ++tick) {
+    TurretSample sample = drive.turret(tick);
+    const int held = tick % 100;
+    if (held < 4) { sample.t = time_from_s((0.01 * (tick - held + 3)) + (1e-6 * held)); }
+    assembler.add(sample);
+    if (tick % 5 == 0) { assembler.add(drive.pose(tick / 5)); }
+    while (0.1 + ((next_line + 1) / 75.0) < tick * 0.01) { assembler.add(drive.line(next_line++)); }
+    while (assembler.take().has_value()) { ++images; }
+  }
+  EXPECT_EQ(images, expected);
+  EXPECT_EQ(assembler.counters().images_dropped, prompt.counters().images_dropped);
+}
+
 TEST(Assembler, MissingPosesAreCountedAndMemoryStaysBounded) {
   const Drive drive;
   Assembler assembler(drive.config, drive.calibration);
