@@ -38,7 +38,7 @@ PoseEstimate prior_from(const PoseEstimate& emitted, const PoseEstimate& known) 
 MappingStage::MappingStage(const mapping::MappingConfig& config, const Calibration& calibration,
                            mapping::Stopwatch stopwatch, ImageObserver observer)
     : assembler_(config.assembler, calibration),
-      segmenter_(config.segmenter, calibration),
+      reducer_(config.segmenter, calibration),
       mapper_(config, calibration, stopwatch),
       stopwatch_(std::move(stopwatch)),
       observer_(std::move(observer)) {}
@@ -50,14 +50,14 @@ void MappingStage::add(const TrackedPose& pose) {
 }
 
 bool MappingStage::fetch() {
-  const std::optional<mapping::RangeImage> image = assembler_.take();
+  std::optional<mapping::RangeImage> image = assembler_.take();
   if (!image.has_value()) { return false; }
   if (observer_) { observer_(*image); }
   const double begin_s = stopwatch_();
   Pending pending;
   pending.t_complete = image->t_ref;
   for (const mapping::LineInfo& line : image->line) { pending.t_complete = std::max(pending.t_complete, line.t); }
-  pending.view = std::make_shared<const mapping::SurfaceView>(segmenter_.segment(*image));
+  pending.view = std::make_shared<const mapping::SurfaceView>(reducer_.reduce(*image));
   pending.segment_s = stopwatch_() - begin_s;
   pending_ = std::move(pending);
   return true;

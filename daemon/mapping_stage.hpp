@@ -19,7 +19,7 @@
 #include "daemon/estimator_stage.hpp"
 #include "mapping/assembler.hpp"
 #include "mapping/mapper.hpp"
-#include "mapping/segmenter.hpp"
+#include "mapping/view_reducer.hpp"
 
 namespace rosid::daemon {
 
@@ -73,7 +73,7 @@ class MappingStage {
   const TrackedPose* emitted_at(Time t) const;
 
   mapping::Assembler assembler_;
-  mapping::Segmenter segmenter_;
+  mapping::ViewReducer reducer_;
   mapping::Mapper mapper_;
   mapping::Stopwatch stopwatch_;
   ImageObserver observer_;

@@ -122,4 +122,9 @@ Mat6 twist_covariance(const LineInfo& line) {
   return J * line.motion_covariance * J.transpose();
 }
 
+void set_twist_covariance(const Mat6& twist, LineInfo& line) {
+  const Mat6 J = border_from_twist(line.X_RV);
+  line.motion_covariance = J * twist * J.transpose();
+}
+
 }  // namespace rosid::mapping

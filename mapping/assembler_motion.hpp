@@ -64,4 +64,7 @@ class RelativeMotion {
 /// the steps simply adds up, so the covariance between two lines on one side of t_ref is that of the nearer one.
 Mat6 twist_covariance(const LineInfo& line);
 
+/// The reverse: sets the line's motion covariance.
+void set_twist_covariance(const Mat6& twist, LineInfo& line);
+
 }  // namespace rosid::mapping

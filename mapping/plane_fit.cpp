@@ -54,7 +54,9 @@ class Fitter {
   bool solve();
   Mat3 jacobian(const Vec3& q, double w) const;
   void propagate(PlaneFit& fit) const;
+  double bow() const;
   Mat3 motion_covariance(const Line36& sensitivity) const;
+  Mat3 knot_covariance(const Line36& sensitivity) const;
 
   const SegmentFrame& frame_;
   std::span<const std::size_t> pixels_;
@@ -141,13 +143,14 @@ void Fitter::propagate(PlaneFit& fit) const {
     sum_squares += e * e;
     const double variance = std::max(frame_.variance(k, normal_).total(), 1e-12);
     chi2 += e * e / variance;
-    rough += e * e / (variance + frame_.flatness_variance());
+    rough += e * e / (frame_.variance(k, normal_).own + frame_.flatness_variance());
   }
   const auto count = static_cast<double>(pixels_.size());
   fit.rms_m = std::sqrt(sum_squares / count);
   fit.chi2_reduced = chi2 / std::max(count - 3.0, 1.0);
   fit.roughness = std::sqrt(rough / count);
   fit.lambda = lambda_;
+  fit.bow_m = bow();
   // Noise that turned out larger than calibrated is believed.
   fit.noise = std::max(1.0, fit.chi2_reduced) * independent;
   const double turret_variance = frame_.calibration().turret_sigma_rad * frame_.calibration().turret_sigma_rad;
@@ -164,10 +167,35 @@ void Fitter::propagate(PlaneFit& fit) const {
   fit.plane.covariance_correlated.setZero();
 }
 
+double Fitter::bow() const {
+  // Coordinates in units of the patch's own size keep the normal equations well conditioned.
+  const Vec3 scale = (lambda_ / sums_.weight).cwiseMax(1e-12).cwiseSqrt();
+  using Mat66 = Eigen::Matrix<double, 6, 6>;
+  Mat66 A = Mat66::Zero();
+  Vec6 b = Vec6::Zero();
+  for (const std::size_t k : pixels_) {
+    const Vec3 q = frame_.point(k) - sums_.mean;
+    const double s = q.dot(axes_.col(1)) / scale[1];
+    const double t = q.dot(axes_.col(2)) / scale[2];
+    Vec6 row;
+    row << 1.0, s, t, s * s, s * t, t * t;
+    A.selfadjointView<Eigen::Lower>().rankUpdate(row);
+    b += q.dot(normal_) * row;
+  }
+  A.triangularView<Eigen::StrictlyUpper>() = A.transpose();
+  A.diagonal().array() += 1e-9 * static_cast<double>(pixels_.size());
+  // What the constant and the slopes explain is the plane's own affair.
+  Mat3 plane = A.topLeftCorner<3, 3>();
+  const double whole = b.dot(A.ldlt().solve(b));
+  const double flat = b.head<3>().dot(plane.ldlt().solve(b.head<3>()));
+  return std::sqrt(std::max(whole - flat, 0.0) / static_cast<double>(pixels_.size()));
+}
+
 Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
   // The lines' motion errors are a random walk away from t_ref in both directions of time: each step's noise is common
   // to all lines beyond it.
   const RangeImage& image = frame_.image();
+  if (!image.motion.empty()) { return knot_covariance(sensitivity); }
   std::vector<int> order(sensitivity.size());
   std::iota(order.begin(), order.end(), 0);
   const auto time_from_ref = [&image](int i) {
@@ -189,6 +217,19 @@ Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
   walk(order.begin(), first_after);
   walk(order.rbegin(), std::make_reverse_iterator(first_after));
   return sum;
+}
+
+Mat3 Fitter::knot_covariance(const Line36& sensitivity) const {
+  const RangeImage& image = frame_.image();
+  const auto size = static_cast<Eigen::Index>(6 * image.motion.t.size());
+  Eigen::Matrix<double, 3, Eigen::Dynamic> S = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, size);
+  for (std::size_t i = 0; i < sensitivity.size(); ++i) {
+    const KnotShare share = knot_share(image.motion.t, image.line[i].t);
+    const auto at = static_cast<Eigen::Index>(6 * share.first);
+    S.middleCols<6>(at) += (1.0 - share.second_share) * sensitivity[i];
+    S.middleCols<6>(at + 6) += share.second_share * sensitivity[i];
+  }
+  return S * image.motion.covariance * S.transpose();
 }
 
 }  // namespace

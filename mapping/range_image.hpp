@@ -30,6 +30,26 @@ struct LineInfo {
   Mat6 motion_covariance = Mat6::Zero();  ///< of X_RV: odometry noise between the two instants, border error order
 };
 
+/// What is left of the motion's uncertainty once it has been estimated from the image: joint covariance of the SE(3)
+/// left errors, [rotation, translation] in V at the reference time, at a few instants; between them errors are
+/// interpolated, outside they are those of the nearest. Empty: the lines' own covariances are a random walk away from
+/// the reference time.
+struct MotionKnots {
+  std::vector<Time> t;
+  Eigen::MatrixXd covariance;  ///< 6 n x 6 n
+
+  bool empty() const { return t.empty(); }
+};
+
+/// Share of the errors at knots `first` and `first + 1` in that of an instant.
+struct KnotShare {
+  std::size_t first = 0;
+  double second_share = 0.0;
+};
+
+/// Precondition: at least two instants, ascending.
+KnotShare knot_share(const std::vector<Time>& knots, Time t);
+
 /// Row-major raster, lines x columns. Column j of line i points at deflection first_deflection_rad + j * step_rad.
 struct RangeImage {
   Topology topology = Topology::Moebius;
@@ -41,6 +61,7 @@ struct RangeImage {
   RigidTransform X_OV_ref;                   ///< odometry pose at t_ref; all points are expressed in V at t_ref
   Vec3 sensor_V = Vec3::Zero();              ///< turret centre in V
   std::vector<LineInfo> line;                ///< size lines
+  MotionKnots motion;                        ///< only after MotionRefiner
   std::vector<float> range_m;                ///< NaN where there is no valid return
   std::vector<float> time_s;                 ///< of each pixel, relative to t_ref
   std::vector<Eigen::Vector3f> direction_V;  ///< unit ray of each pixel, motion-compensated, valid or not

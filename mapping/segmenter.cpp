@@ -14,8 +14,11 @@ namespace {
 
 /// A patch whose direction noise exceeds this says nothing about a plane.
 constexpr double kMaxDirectionSigma_rad = 0.05;
-/// Residuals beyond this many times the noise: not a plane.
-constexpr double kMaxRoughness = 1.6;
+/// Residuals beyond this many times noise and flatness: not a plane.
+constexpr double kMaxRoughness = 1.35;
+/// A bow beyond this many times the flatness, when it makes up a good part of the residuals: not a plane either.
+constexpr double kMaxBow = 1.0;
+constexpr double kMaxBowShare = 0.3;
 constexpr int kRefinements = 2;
 
 }  // namespace
@@ -67,7 +70,10 @@ void Segmenter::Impl::fit_components() {
     PlaneFit fit;
     if (!fit_plane(frame, pixels, fit_quick(moments), fit)) { continue; }
     const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
-    const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness;
+    const bool is_bowed = fit.bow_m * fit.bow_m > kMaxBow * kMaxBow * frame.flatness_variance() &&
+                          fit.bow_m * fit.bow_m > kMaxBowShare * fit.rms_m * fit.rms_m;
+    const bool is_plane =
+        direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness && !is_bowed;
     if (!is_plane || element_area(frame, pixels, fit.plane.normal) < config.min_patch_area_m2) { continue; }
     fits.push_back(fit);
     kept.push_back(std::move(pixels));
