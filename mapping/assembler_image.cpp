@@ -87,7 +87,7 @@ void Assembler::fill_gaps() {
 RangeImage Assembler::build() const {
   const auto [first, last] =
       std::minmax_element(open_.begin(), open_.end(), [](const ReadyLine& a, const ReadyLine& b) { return a.t < b.t; });
-  const RelativeMotion motion(poses_, first->t + (last->t - first->t) / 2);
+  const RelativeMotion motion(poses_, next_view_id_ == 0 ? first->t : last->t);
   RangeImage image;
   image.topology = Topology::Moebius;
   image.view_id = next_view_id_;

@@ -13,7 +13,7 @@ struct AssemblerConfig {
   /// Turret angle at which an image begins. A vertical scan plane (pi/2): the seam, where pixels side by side are a
   /// whole image apart in time, then crosses floor and ceiling, which an error of the heading does not move, and the
   /// walls are seen in one piece around the reference time.
-  double seam_rad = 1.5707963267948966;
+  double seam_rad = 0.0;
   int max_lines = 2000;  ///< of one half turn; a slower turret closes the image early
 };
 

@@ -115,11 +115,12 @@ bool is_conflict(const Evidence& relevant, const Evidence& whole) {
 
 /// The pair that contradicts the others most, when it does so beyond the gate. Residuals against the planes' own
 /// errors: the pose has been fitted, so its uncertainty excuses nobody.
-std::optional<std::size_t> worst_outlier(std::span<const PlanePair> pairs, const RigidTransform& X_WV) {
+std::optional<std::size_t> worst_outlier(std::span<const PlanePair> pairs, const Registration& registration) {
   double worst = chi2_quantile(kOutlierProbability, 3.0);
   std::optional<std::size_t> found;
   for (std::size_t k = 0; k < pairs.size(); ++k) {
-    const PairTerms terms = linearise(pairs[k], X_WV);
+    PairTerms terms = linearise(pairs[k], registration.X_WV);
+    if (terms.M.cols() > 0) { terms.r += terms.M * registration.motion; }
     const double distance2 = terms.r.dot((terms.C_view + terms.C_map).ldlt().solve(terms.r));
     if (distance2 > worst) {
       worst = distance2;
@@ -142,13 +143,27 @@ Registration register_consistent(GroupedPairs& grouped, std::vector<PatchMatch>&
     const bool is_consistent = !(registration.chi2_dof > 0.0) ||
                                registration.chi2 <= chi2_quantile(kOutlierProbability, registration.chi2_dof);
     if (is_consistent || grouped.pairs.size() <= min_pairs) { return registration; }
-    const std::optional<std::size_t> outlier = worst_outlier(grouped.pairs, registration.X_WV);
+    const std::optional<std::size_t> outlier = worst_outlier(grouped.pairs, registration);
     if (!outlier) { return registration; }
     const std::size_t map_index = grouped.map_index[*outlier];
     std::erase_if(matches, [map_index](const PatchMatch& match) { return match.map == map_index; });
     erase_at(grouped.pairs, *outlier);
     erase_at(grouped.view_area_m2, *outlier);
     erase_at(grouped.map_index, *outlier);
+  }
+}
+
+/// Takes what the registration learnt of the vehicle's motion during the view out of the view's planes.
+void correct_motion(const Registration& registration, std::vector<Patch>& patches) {
+  const Eigen::Index m = registration.motion.size();
+  if (m == 0) { return; }
+  const Eigen::MatrixXd gained = Eigen::MatrixXd::Identity(m, m) - registration.motion_covariance;
+  for (Patch& patch : patches) {
+    if (patch.motion.cols() != m) { continue; }
+    const Mat3 less = patch.motion * gained * patch.motion.transpose();
+    patch.plane = perturbed(patch.plane, -(patch.motion * registration.motion));
+    patch.plane.covariance_independent -= 0.5 * (less + less.transpose());
+    patch.motion.resize(3, 0);
   }
 }
 
@@ -198,8 +213,9 @@ Mapper::Mapper(const MappingConfig& config, const Calibration& calibration, Stop
   map_ = std::make_shared<const SurfaceMap>(std::move(empty));
 }
 
-Mapper::Attempt Mapper::register_view(std::span<const PreparedPatch> view, std::span<const PreparedPatch> map,
-                                      const PoseBelief& prior, const Vec3& sensor_V, StageTimes& times) const {
+Mapper::Attempt Mapper::register_view(std::vector<Patch>& patches, std::span<const PreparedPatch> view,
+                                      std::span<const PreparedPatch> map, const PoseBelief& prior,
+                                      const Vec3& sensor_V, StageTimes& times) const {
   const SystematicFloor floor = systematic_floor(calibration_);
   const std::span<const MapPatch> map_patches = map_->patches;
   Attempt attempt;
@@ -216,6 +232,7 @@ Mapper::Attempt Mapper::register_view(std::span<const PreparedPatch> view, std::
   if (has_pairs) {
     attempt.registration = register_consistent(grouped, attempt.matches, prior, tracking.belief.X_WV, min_pairs);
     attempt.pose = attempt.registration.posterior;
+    correct_motion(attempt.registration, patches);
   }
   double weight = 0.0;
   for (const PatchMatch& match : attempt.matches) {
@@ -279,7 +296,7 @@ MapUpdate Mapper::process(const SurfaceView& view, const PoseEstimate& prior) {
   update.view_id = view.view_id;
   update.map = map_;
   const std::optional<PoseBelief> belief = belief_of(prior);
-  const std::vector<Patch> patches = usable_patches(view);
+  std::vector<Patch> patches = usable_patches(view);
   if (!belief || patches.empty() || !view.sensor_V.allFinite()) { return update; }
   const std::vector<PreparedPatch> prepared = prepare(patches);
   Attempt attempt;
@@ -289,7 +306,7 @@ MapUpdate Mapper::process(const SurfaceView& view, const PoseEstimate& prior) {
     attempt.pose = *belief;
   } else {
     const std::vector<PreparedPatch> prepared_map = prepare(map_->patches);
-    attempt = register_view(prepared, prepared_map, *belief, view.sensor_V, update.times);
+    attempt = register_view(patches, prepared, prepared_map, *belief, view.sensor_V, update.times);
   }
   update.outcome = attempt.outcome;
   update.matched_pairs = static_cast<int>(attempt.matches.size());

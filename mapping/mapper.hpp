@@ -62,8 +62,10 @@ class Mapper {
   struct Attempt;
 
   double now_s() const { return stopwatch_ ? stopwatch_() : 0.0; }
-  Attempt register_view(std::span<const PreparedPatch> view, std::span<const PreparedPatch> map,
-                        const PoseBelief& prior, const Vec3& sensor_V, StageTimes& times) const;
+  /// `view` refers to `patches`, whose planes are corrected by what the registration learns of the motion.
+  Attempt register_view(std::vector<Patch>& patches, std::span<const PreparedPatch> view,
+                        std::span<const PreparedPatch> map, const PoseBelief& prior, const Vec3& sensor_V,
+                        StageTimes& times) const;
   void fuse(const SurfaceView& view, std::span<const PreparedPatch> prepared, const Attempt& attempt,
             MapUpdate& update);
 

@@ -28,8 +28,8 @@ PreparedPatch prepare_one(const Patch& patch) {
   return {&patch, bounding_radius_m(patch), interior_points(patch.outer, patch.inner, kSamples)};
 }
 
-PlanePair make_pair_of(const Plane& view_V, const MapPatch& map) {
-  return {view_V, map.patch.plane, map.inherited_covariance, map.views > 1};
+PlanePair make_pair_of(const Plane& view_V, const MotionResponse& motion, const MapPatch& map) {
+  return {view_V, map.patch.plane, map.inherited_covariance, map.views > 1, motion};
 }
 
 double angle_between(const Vec3& a, const Vec3& b) {
@@ -133,7 +133,8 @@ std::vector<PatchMatch> Matcher::candidates(const PoseBelief& belief) const {
     for (std::size_t m = 0; m < map_.size(); ++m) {
       const Plane& map_W = map_[m].patch->plane;
       if (normal_W.dot(map_W.normal) < kMaxAngleCosine) { continue; }
-      const PlanePair pair = make_pair_of(view_V, map_patches_[m]);
+      // One pair alone has no motion in common with anything: its covariance holds it all.
+      const PlanePair pair = make_pair_of(view_V, {}, map_patches_[m]);
       const PairTerms terms = linearise(pair, belief.X_WV);
       const double d2 = mahalanobis2(terms.r, gate_covariance(pair, terms, belief));
       if (d2 > gate2_) { continue; }
@@ -204,13 +205,13 @@ GroupedPairs grouped_pairs(std::span<const PatchMatch> matches, std::span<const 
   std::map<std::size_t, PlaneSource> groups;
   for (const PatchMatch& match : matches) {
     const Patch& patch = *view[match.view].patch;
-    const PlaneSource source{patch.plane, Mat6::Zero(), patch.attributes.area_m2};
+    const PlaneSource source{patch.plane, Mat6::Zero(), patch.attributes.area_m2, patch.motion};
     const auto [it, is_new] = groups.try_emplace(match.map, source);
     if (!is_new) { it->second = united(it->second, source, floor); }
   }
   GroupedPairs result;
   for (const auto& [map_index, source] : groups) {
-    result.pairs.push_back(make_pair_of(source.plane, map_patches[map_index]));
+    result.pairs.push_back(make_pair_of(source.plane, source.motion, map_patches[map_index]));
     result.view_area_m2.push_back(source.area_m2);
     result.map_index.push_back(map_index);
   }

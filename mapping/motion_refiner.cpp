@@ -13,7 +13,7 @@ namespace rosid::mapping {
 namespace {
 
 constexpr double kKnotSpacing_s = 0.4;
-constexpr int kMaxKnotsPerSide = 6;
+constexpr int kMaxKnotsPerSide = 10;
 constexpr int kMinPixels = 40;
 constexpr int kMinLines = 4;
 constexpr int kIterations = 4;
@@ -98,6 +98,7 @@ struct MotionRefiner::Impl {
   Eigen::VectorXd gradient;
   Eigen::VectorXd twists;
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd root;  ///< root * root^T = covariance
   bool is_first = true;
 };
 
@@ -264,11 +265,11 @@ bool MotionRefiner::Impl::solve(const RangeImage& image) {
     information.middleCols<6>(ref).setZero();
     information.block<6, 6>(ref, ref).setIdentity();
     gradient.segment<6>(ref).setZero();
-    const Eigen::LLT<Eigen::MatrixXd> factor(information);
-    if (factor.info() != Eigen::Success) { return false; }
-    twists = -factor.solve(gradient);
+    const Eigen::LLT<Eigen::MatrixXd> solver(information);
+    if (solver.info() != Eigen::Success) { return false; }
+    twists = -solver.solve(gradient);
     is_first = false;
-    if (iteration + 1 == kIterations) { covariance = factor.solve(Eigen::MatrixXd::Identity(n, n)); }
+    if (iteration + 1 == kIterations) { covariance = solver.solve(Eigen::MatrixXd::Identity(n, n)); }
   }
   const auto ref = static_cast<Eigen::Index>(6 * ref_knot);
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -277,7 +278,13 @@ bool MotionRefiner::Impl::solve(const RangeImage& image) {
   }
   covariance.middleRows<6>(ref).setZero();
   covariance.middleCols<6>(ref).setZero();
-  return twists.allFinite() && covariance.allFinite();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  // Directions of less than a tenth of the floor are not worth carrying along.
+  constexpr double kSmallest = 1e-9;
+  const auto kept = (eigen.eigenvalues().array() > kSmallest).count();
+  root = eigen.eigenvectors().rightCols(kept) *
+           eigen.eigenvalues().tail(kept).cwiseSqrt().asDiagonal();
+  return twists.allFinite() && root.allFinite();
 }
 
 void MotionRefiner::Impl::apply(RangeImage& image) const {
@@ -303,7 +310,7 @@ void MotionRefiner::Impl::apply(RangeImage& image) const {
     }
   }
   image.motion.t = knots;
-  image.motion.covariance = covariance;
+  image.motion.factor = root;
 }
 
 bool MotionRefiner::refine(const SurfaceView& view, RangeImage& image) {

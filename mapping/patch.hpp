@@ -57,9 +57,15 @@ struct PatchAttributes {
   int pixel_count = 0;
 };
 
+/// Response of a plane's errors (theta2, theta3, delta) to the errors of the vehicle's motion during its view.
+using MotionResponse = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+
 struct Patch {
   std::uint32_t id = 0;  ///< unique within its view or map
   Plane plane;
+  /// To independent unit normal variables that all patches of a view have in common; plane.covariance_independent
+  /// contains motion * motion^T. Empty: no common part is known. Always empty in a map.
+  MotionResponse motion;
   std::vector<Ring> outer;  ///< one for a patch of a view; a map patch may have several
   std::vector<Ring> inner;
   PatchAttributes attributes;

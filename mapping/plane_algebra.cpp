@@ -60,15 +60,6 @@ Mat3 symmetrised(const Mat3& m) {
   return 0.5 * (m + m.transpose());
 }
 
-/// Turns the plane's axes by the small angles (theta2, theta3) and moves its centroid along the old normal.
-void apply_error(Plane& plane, const Vec3& error) {
-  const Vec3 normal = (plane.normal + plane.e2 * error.x() + plane.e3 * error.y()).normalized();
-  plane.centroid += error.z() * plane.normal;
-  plane.e2 = (plane.e2 - plane.e2.dot(normal) * normal).normalized();
-  plane.e3 = normal.cross(plane.e2);
-  plane.normal = normal;
-}
-
 }  // namespace
 
 SystematicFloor systematic_floor(const Calibration& calibration) {
@@ -112,6 +103,16 @@ PlaneResidual plane_residual(const Plane& a, const Plane& b) {
   result.J_a.bottomLeftCorner<1, 2>() = a.to_plane(b.centroid).transpose();
   result.J_b.topLeftCorner<2, 2>() = B_a.transpose() * tangent(b);
   result.J_b(2, 2) = 1.0;
+  return result;
+}
+
+Plane perturbed(const Plane& plane, const Vec3& error) {
+  Plane result = plane;
+  const Vec3 normal = (plane.normal + plane.e2 * error.x() + plane.e3 * error.y()).normalized();
+  result.centroid += error.z() * plane.normal;
+  result.e2 = (plane.e2 - plane.e2.dot(normal) * normal).normalized();
+  result.e3 = normal.cross(result.e2);
+  result.normal = normal;
   return result;
 }
 
@@ -165,10 +166,18 @@ PlaneSource united(const PlaneSource& a, const PlaneSource& b, const SystematicF
 
   PlaneSource result;
   result.area_m2 = total;
-  result.plane = reference;
-  apply_error(result.plane, K_b * difference);
+  result.plane = perturbed(reference, K_b * difference);
   result.plane.covariance_independent =
       symmetrised(K_a * own_a * K_a.transpose() + K_b * own_b * K_b.transpose()) + floor.covariance();
+  if (a.motion.cols() > 0 && a.motion.cols() == b.motion.cols()) {
+    // The motion's errors are common to both: they add up, only the rest averages out.
+    const MotionResponse of_a = K_a * T_a * a.motion;
+    const MotionResponse of_b = K_b * T_b * b.motion;
+    result.motion = of_a + of_b;
+    result.plane.covariance_independent = symmetrised(
+        result.plane.covariance_independent - of_a * of_a.transpose() - of_b * of_b.transpose() +
+        result.motion * result.motion.transpose());
+  }
   // A convex combination of two errors whose correlation is unknown is never worse than that of their covariances.
   const double weight_b = std::clamp(K_b.trace() / 3.0, 0.0, 1.0);
   result.inherited = (1.0 - weight_b) * a.inherited + weight_b * b.inherited;

@@ -44,6 +44,9 @@ struct PlaneResidual {
 };
 PlaneResidual plane_residual(const Plane& a, const Plane& b);
 
+/// The plane with an error (theta2, theta3, delta) added.
+Plane perturbed(const Plane& plane, const Vec3& error);
+
 /// Nearest positive semidefinite matrix with eigenvalues of at least min_eigenvalue.
 Mat3 positive_part(const Mat3& m, double min_eigenvalue);
 Mat6 positive_part(const Mat6& m);
@@ -58,6 +61,7 @@ struct PlaneSource {
   Plane plane;
   Mat6 inherited = Mat6::Zero();
   double area_m2 = 0.0;
+  MotionResponse motion = {};  ///< see Patch
 };
 
 /// Both planes united about their common centroid: independent noise by information, the inherited parts by split

@@ -56,7 +56,7 @@ class Fitter {
   void propagate(PlaneFit& fit) const;
   double bow() const;
   Mat3 motion_covariance(const Line36& sensitivity) const;
-  Mat3 knot_covariance(const Line36& sensitivity) const;
+  MotionResponse knot_response(const Line36& sensitivity) const;
 
   const SegmentFrame& frame_;
   std::span<const std::size_t> pixels_;
@@ -155,7 +155,12 @@ void Fitter::propagate(PlaneFit& fit) const {
   fit.noise = std::max(1.0, fit.chi2_reduced) * independent;
   const double turret_variance = frame_.calibration().turret_sigma_rad * frame_.calibration().turret_sigma_rad;
   for (const Vec3& a : turret) { fit.noise += turret_variance * a * a.transpose(); }  // maths (3.7)
-  if (frame_.is_moving()) { fit.noise += motion_covariance(motion); }
+  if (!frame_.image().motion.empty()) {
+    fit.motion = knot_response(motion);
+    fit.noise += fit.motion * fit.motion.transpose();
+  } else if (frame_.is_moving()) {
+    fit.noise += motion_covariance(motion);
+  }
   const double angle = frame_.calibration().angle_systematic_sigma_rad;
   const double range = frame_.calibration().range_systematic_sigma_m;
   fit.plane.normal = normal_;
@@ -195,7 +200,6 @@ Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
   // The lines' motion errors are a random walk away from t_ref in both directions of time: each step's noise is common
   // to all lines beyond it.
   const RangeImage& image = frame_.image();
-  if (!image.motion.empty()) { return knot_covariance(sensitivity); }
   std::vector<int> order(sensitivity.size());
   std::iota(order.begin(), order.end(), 0);
   const auto time_from_ref = [&image](int i) {
@@ -219,17 +223,17 @@ Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
   return sum;
 }
 
-Mat3 Fitter::knot_covariance(const Line36& sensitivity) const {
+MotionResponse Fitter::knot_response(const Line36& sensitivity) const {
   const RangeImage& image = frame_.image();
   const auto size = static_cast<Eigen::Index>(6 * image.motion.t.size());
-  Eigen::Matrix<double, 3, Eigen::Dynamic> S = Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, size);
+  MotionResponse S = MotionResponse::Zero(3, size);
   for (std::size_t i = 0; i < sensitivity.size(); ++i) {
     const KnotShare share = knot_share(image.motion.t, image.line[i].t);
     const auto at = static_cast<Eigen::Index>(6 * share.first);
     S.middleCols<6>(at) += (1.0 - share.second_share) * sensitivity[i];
     S.middleCols<6>(at + 6) += share.second_share * sensitivity[i];
   }
-  return S * image.motion.covariance * S.transpose();
+  return S * image.motion.factor;
 }
 
 }  // namespace

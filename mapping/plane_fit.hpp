@@ -10,6 +10,7 @@ namespace rosid::mapping {
 
 struct PlaneFit {
   Plane plane;                 ///< in V; covariance_independent = noise + turret + motion + systematic floor
+  MotionResponse motion;       ///< see Patch
   Mat3 noise = Mat3::Zero();   ///< the same without the systematic floor
   double rms_m = 0.0;          ///< of the residuals, equal weights
   double chi2_reduced = 0.0;   ///< of the residuals against noise alone

@@ -36,7 +36,7 @@ struct LineInfo {
 /// the reference time.
 struct MotionKnots {
   std::vector<Time> t;
-  Eigen::MatrixXd covariance;  ///< 6 n x 6 n
+  Eigen::MatrixXd factor;  ///< 6 n rows; factor * factor^T is the covariance
 
   bool empty() const { return t.empty(); }
 };

@@ -45,15 +45,21 @@ Vec6 left_difference(const RigidTransform& from, const RigidTransform& to) {
   return d;
 }
 
+/// Normal equations of the pose with the motion variables eliminated.
 struct Normals {
   Mat6 H = Mat6::Zero();
   Vec6 g = Vec6::Zero();
+  Eigen::MatrixXd H_motion;   ///< of the motion variables, unit prior included
+  Eigen::MatrixXd H_mixed;    ///< pose x motion
+  Eigen::VectorXd g_motion;
+  Eigen::MatrixXd elimination;  ///< H_motion^-1 H_mixed^T: how the motion variables follow the pose
 };
 
-/// Robust information of one pair: Huber weight times the inverse of c.
-Mat3 robust_information(const Vec3& r, const Mat3& c) {
+/// Robust information of one pair: Huber weight times the inverse of c. Whether r is large is judged with what the
+/// motion may have done to it.
+Mat3 robust_information(const Vec3& r, const Mat3& c, const MotionResponse& M) {
   const Mat3 inverse = c.inverse();
-  const double d2 = r.dot(inverse * r);
+  const double d2 = M.cols() == 0 ? r.dot(inverse * r) : r.dot((c + M * M.transpose()).inverse() * r);
   return d2 <= kHuber2 ? inverse : Mat3(std::sqrt(kHuber2 / d2) * inverse);
 }
 
@@ -84,15 +90,33 @@ Inheritance inheritance(std::span<const PlanePair> pairs, const Vec3& p_WV) {
   return result;
 }
 
+Eigen::Index motion_count(std::span<const PlanePair> pairs) {
+  return pairs.empty() ? 0 : pairs.front().motion.cols();
+}
+
 Normals accumulate(std::span<const PlanePair> pairs, const Inheritance& inherited, const RigidTransform& X) {
   Normals n;
+  const Eigen::Index m = motion_count(pairs);
+  n.H_motion = Eigen::MatrixXd::Identity(m, m);
+  n.H_mixed = Eigen::MatrixXd::Zero(6, m);
+  n.g_motion = Eigen::VectorXd::Zero(m);
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     const PairTerms t = linearise(pairs[k], X);
     const Mat3 c = t.C_view + t.C_map + t.J * inherited.excess[k] * t.J.transpose();
-    const Eigen::Matrix<double, 6, 3> weighted = t.J.transpose() * robust_information(t.r, c);
+    const Mat3 W = robust_information(t.r, c, t.M);
+    const Eigen::Matrix<double, 6, 3> weighted = t.J.transpose() * W;
     n.H += weighted * t.J;
     n.g += weighted * t.r;
+    if (m == 0) { continue; }
+    const MotionResponse WM = W * t.M;
+    n.H_mixed += t.J.transpose() * WM;
+    n.H_motion += t.M.transpose() * WM;
+    n.g_motion += WM.transpose() * t.r;
   }
+  if (m == 0) { return n; }
+  n.elimination = n.H_motion.ldlt().solve(n.H_mixed.transpose());
+  n.H -= n.H_mixed * n.elimination;
+  n.g -= n.elimination.transpose() * n.g_motion;
   return n;
 }
 
@@ -105,24 +129,42 @@ struct Sums {
   Mat6 H_coherent = Mat6::Zero();     ///< sum of J^T W J sqrt(inherited)
   Mat6 H_feigned = Mat6::Zero();      ///< information that errors of the normals feign
   double chi2 = 0.0;
+  Eigen::VectorXd motion;
+  Eigen::MatrixXd motion_covariance;
 };
 
 Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, const RigidTransform& X) {
   Sums s;
   const Mat3 R = X.rotation();
+  const Normals normals = accumulate(pairs, inherited, X);
+  s.H = normals.H;
+  s.g = normals.g;
+  const bool has_motion = motion_count(pairs) > 0;
+  if (has_motion) {
+    const Eigen::LDLT<Eigen::MatrixXd> factor(normals.H_motion);
+    s.motion = -factor.solve(normals.g_motion);
+    s.motion_covariance = factor.solve(Eigen::MatrixXd::Identity(s.motion.size(), s.motion.size()));
+    s.H_independent += normals.elimination.transpose() * normals.elimination;
+    s.chi2 += s.motion.squaredNorm();
+  }
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     const PairTerms t = linearise(pairs[k], X);
     const Mat3 c = t.C_view + t.C_map + t.J * inherited.excess[k] * t.J.transpose();
-    const Mat3 W = robust_information(t.r, c);
-    const Eigen::Matrix<double, 6, 3> weighted = t.J.transpose() * W;
-    s.H += weighted * t.J;
-    s.g += weighted * t.r;
+    const Mat3 W = robust_information(t.r, c, t.M);
+    // What the pair says of the pose once the motion variables follow it.
+    Mat36 J = t.J;
+    Vec3 r = t.r;
+    if (has_motion) {
+      J -= t.M * normals.elimination;
+      r += t.M * s.motion;
+    }
+    const Eigen::Matrix<double, 6, 3> weighted = J.transpose() * W;
     s.H_independent += weighted * t.C_view * weighted.transpose();
     (pairs[k].was_used ? s.H_known : s.H_independent) += weighted * t.C_map * weighted.transpose();
     if (!inherited.decoupled[k].isZero(0.0)) {
       s.H_coherent += weighted * t.J * symmetric_sqrt(inherited.decoupled[k]);
     }
-    s.chi2 += std::min(mahalanobis2(t.r, c), 1e6);
+    s.chi2 += std::min(mahalanobis2(r, c), 1e6);
     const Mat32 B = tangent(pairs[k].map_W);
     for (int m = 0; m < 2; ++m) {
       const Vec3 dn = std::sqrt(std::max(t.C_view(m, m) + t.C_map(m, m), 0.0)) * B.col(m);
@@ -288,6 +330,10 @@ PairTerms linearise(const PlanePair& pair, const RigidTransform& X_WV) {
   t.J.bottomLeftCorner<1, 3>() = lever.cross(pair.map_W.normal).transpose();
   t.J.bottomRightCorner<1, 3>() = pair.map_W.normal.transpose();
   t.C_view = residual.J_b * pair.view_V.covariance_independent * residual.J_b.transpose();
+  if (pair.motion.cols() > 0) {
+    t.M = residual.J_b * pair.motion;
+    t.C_view -= t.M * t.M.transpose();
+  }
   t.C_map = residual.J_a * pair.map_W.covariance_independent * residual.J_a.transpose();
   return t;
 }
@@ -295,7 +341,9 @@ PairTerms linearise(const PlanePair& pair, const RigidTransform& X_WV) {
 Mat3 gate_covariance(const PlanePair& pair, const PairTerms& terms, const PoseBelief& belief) {
   const Mat6 T = decoupled_from_origin(belief.X_WV.p);
   const Mat6 pose = belief.covariance_left + T * pair.inherited * T.transpose();
-  return terms.C_view + terms.C_map + terms.J * pose * terms.J.transpose();
+  Mat3 c = terms.C_view + terms.C_map + terms.J * pose * terms.J.transpose();
+  if (terms.M.cols() > 0) { c += terms.M * terms.M.transpose(); }
+  return c;
 }
 
 PoseBelief solve_with_prior(std::span<const PlanePair> pairs, const PoseBelief& prior) {
@@ -339,6 +387,8 @@ Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief&
   const Mat6 border_from_scaled = border_from_left(X) * S;
   set_null_directions(space, border_from_scaled, result);
   result.chi2 = sums.chi2;
+  result.motion = sums.motion;
+  result.motion_covariance = sums.motion_covariance;
   result.chi2_dof = 3.0 * static_cast<double>(pairs.size()) - static_cast<double>(space.seen.cols());
   if (space.seen.cols() == 0 || !z.value.allFinite()) { return result; }
   result.X_WV = X;

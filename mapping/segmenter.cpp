@@ -103,6 +103,7 @@ void Segmenter::Impl::outline_patches(SurfaceView& view) {
     Patch patch;
     patch.id = static_cast<std::uint32_t>(c + 1);
     patch.plane = planes[c];
+    patch.motion = fits[c].motion;
     if (make_outline(rings, outline)) {
       patch.outer.push_back(outline.outer);
       patch.inner = outline.inner;
