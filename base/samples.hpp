@@ -79,6 +79,8 @@ struct PoseEstimate {
   Flat6x6 covariance_W{};                   ///< of X_WV: [position in W (m), rotation right perturbation in V (rad)]
   std::array<double, 6> step_variance_V{};  ///< odometry noise added since the previous estimate, along and about the
                                             ///< axes of V: position (m^2), rotation (rad^2); independent between steps
+  double attitude_variance = 0.0;           ///< of the rotation about V's x or y, whichever is larger, as far as it
+                                            ///< changes from instant to instant: the tilt biases taken as known (rad^2)
   std::array<double, 6> twist_V{};          ///< velocity of V in O expressed in V: linear (m/s), angular (rad/s)
   std::array<double, 2> wheel_scale{};      ///< estimated scale errors left, right (1 = 100 %)
   std::array<double, 2> tilt_bias{};        ///< estimated sine biases longitudinal, lateral

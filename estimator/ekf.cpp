@@ -279,6 +279,15 @@ void Ekf::Impl::report_fix(const SurfaceFix& fix, AidOutcome outcome) {
   reports_.add(fix_report(fix, update));
 }
 
+/// Variance of roll and pitch (the larger) given the tilt biases.
+double attitude_variance(const StateMatrix& P) {
+  const Mat2 tilt = P.block<2, 2>(kRotation, kRotation);
+  const Mat2 mixed = P.block<2, 2>(kRotation, kTiltBias);
+  const Mat2 bias = P.block<2, 2>(kTiltBias, kTiltBias) + 1e-12 * Mat2::Identity();
+  const Mat2 rest = tilt - mixed * bias.inverse() * mixed.transpose();
+  return std::max({rest(0, 0), rest(1, 1), 0.0});
+}
+
 PoseEstimate Ekf::Impl::estimate(const TickRecord& record, const FilterState& state) const {
   const TickInput& input = record.input;
   PoseEstimate e;
@@ -288,6 +297,7 @@ PoseEstimate Ekf::Impl::estimate(const TickRecord& record, const FilterState& st
   e.X_WO = to_pose3(state.nominal.X_WV * record.X_OV.inverse());
   e.covariance_W = to_flat(state.P.topLeftCorner<6, 6>());
   Eigen::Map<Vec6>(e.step_variance_V.data()) = record.step_variance_V;
+  e.attitude_variance = attitude_variance(state.P);
   if (input.dt_s > 0.0) {
     const Vec2 wheels_m = input.wheels_m.cwiseProduct(Vec2::Ones() + state.nominal.wheel_scale);
     e.twist_V[0] = 0.5 * wheels_m.sum() / input.dt_s;

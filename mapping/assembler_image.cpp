@@ -97,6 +97,7 @@ RangeImage Assembler::build() const {
   image.t_ref = motion.t_ref();
   image.X_OV_ref = to_transform(motion.X_OV_ref());
   image.sensor_V = X_VS_.p;
+  image.attitude_sigma_rad = motion.attitude_sigma_rad();
   image.line.resize(open_.size());
   image.range_m.resize(image.size());
   image.time_s.resize(image.size());

@@ -16,6 +16,7 @@ bool is_finite(const PoseEstimate& estimate) {
   const double norm2 =
       X.q_wxyz[0] * X.q_wxyz[0] + X.q_wxyz[1] * X.q_wxyz[1] + X.q_wxyz[2] * X.q_wxyz[2] + X.q_wxyz[3] * X.q_wxyz[3];
   return std::all_of(X.p_m.begin(), X.p_m.end(), finite) && std::isfinite(norm2) && norm2 > 0.5 && norm2 < 2.0 &&
+         finite(estimate.attitude_variance) && estimate.attitude_variance >= 0.0 &&
          std::all_of(
              estimate.step_variance_V.begin(), estimate.step_variance_V.end(),
              [](double v) { return std::isfinite(v) && v >= 0.0; });
@@ -72,6 +73,9 @@ RelativeMotion::RelativeMotion(const PoseTrack& track, Time t_wanted) {
   t_ref_ = nearest->t;
   X_OV_ref_ = nearest->X_OV;
   const RigidTransform X_RO = to_transform(X_OV_ref_).inverse();
+  double worst = 0.0;
+  for (const PoseEstimate& e : estimates) { worst = std::max(worst, e.attitude_variance); }
+  attitude_sigma_rad_ = std::sqrt(worst + nearest->attitude_variance);
   knots_.reserve(estimates.size());
   for (const PoseEstimate& e : estimates) { knots_.push_back({e.t, X_RO * to_transform(e.X_OV), Mat6::Zero()}); }
   const auto ref = static_cast<std::size_t>(nearest - estimates.begin());

@@ -39,6 +39,8 @@ class RelativeMotion {
   RelativeMotion(const PoseTrack& track, Time t_wanted);
 
   Time t_ref() const { return t_ref_; }
+  /// Standard deviation of roll and pitch relative to the reference, whatever the time between; 0 when not known.
+  double attitude_sigma_rad() const { return attitude_sigma_rad_; }
   const Pose3& X_OV_ref() const { return X_OV_ref_; }
 
   /// t within the track, else the nearest end.
@@ -56,6 +58,7 @@ class RelativeMotion {
   double fraction(std::size_t segment, Time t) const;
 
   Time t_ref_;
+  double attitude_sigma_rad_ = 0.0;
   Pose3 X_OV_ref_;
   std::vector<Knot> knots_;
 };

@@ -178,6 +178,14 @@ void MotionRefiner::Impl::set_prior(const RangeImage& image) {
     prior.block<6, 6>(row, row + 6) -= weight;
     prior.block<6, 6>(row + 6, row) -= weight;
   }
+  if (!(image.attitude_sigma_rad > 0.0)) { return; }
+  // The inclinometer holds roll and pitch at every instant: they do not walk away with the distance.
+  const double held = 1.0 / (image.attitude_sigma_rad * image.attitude_sigma_rad);
+  for (std::size_t k = 0; k < knots.size(); ++k) {
+    if (k == ref_knot) { continue; }
+    const auto row = static_cast<Eigen::Index>(6 * k);
+    prior.diagonal().segment<2>(row).array() += held;
+  }
 }
 
 double MotionRefiner::Impl::cell_weight(const Surface& surface, const Cell& cell, const RangeImage& image,

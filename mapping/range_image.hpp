@@ -61,6 +61,7 @@ struct RangeImage {
   RigidTransform X_OV_ref;                   ///< odometry pose at t_ref; all points are expressed in V at t_ref
   Vec3 sensor_V = Vec3::Zero();              ///< turret centre in V
   std::vector<LineInfo> line;                ///< size lines
+  double attitude_sigma_rad = 0.0;           ///< of roll and pitch of one instant relative to another; 0: not known
   MotionKnots motion;                        ///< only after MotionRefiner
   std::vector<float> range_m;                ///< NaN where there is no valid return
   std::vector<float> time_s;                 ///< of each pixel, relative to t_ref
