@@ -63,6 +63,7 @@ void SegmentFrame::mark_valid() {
   const std::size_t n = image_->size();
   valid_.assign(n, 0);
   motion_.assign(image_->line.size(), Mat6::Zero());
+  motion_blocks_.assign(image_->line.size(), {Mat3::Zero(), Mat3::Zero(), Mat3::Zero()});
   is_moving_ = false;
   for (int i = 0; i < image_->lines; ++i) {
     const LineInfo& line = image_->line[static_cast<std::size_t>(i)];
@@ -70,6 +71,8 @@ void SegmentFrame::mark_valid() {
     Mat6& motion = motion_[static_cast<std::size_t>(i)];
     motion = twist_covariance(line);
     is_moving_ = is_moving_ || motion.diagonal().maxCoeff() > 0.0;
+    motion_blocks_[static_cast<std::size_t>(i)] = {motion.topLeftCorner<3, 3>(), motion.topRightCorner<3, 3>(),
+                                                   motion.bottomRightCorner<3, 3>()};
     for (int j = 0; j < image_->columns; ++j) {
       const std::size_t k = image_->index(i, j);
       const float r = image_->range_m[k];
@@ -210,9 +213,11 @@ SegmentFrame::Variance SegmentFrame::variance(std::size_t k, const Vec3& normal)
   v.own = (range_sigma_ * range_sigma_ * nd * nd) + (nt * nt);
   v.common = nu * nu;
   if (is_moving_) {
-    Vec6 g;  // d(n . x)/d[phi, tau], x in V
-    g << image_->point_V[k].cast<double>().cross(normal), normal;
-    v.common += std::min(g.dot(line_motion(line_of(k)) * g), kMotionSigmaMax_m * kMotionSigmaMax_m);
+    // d(n . x)/d[phi, tau] = [x cross n, n], x in V
+    const MotionBlocks& m = motion_blocks_[static_cast<std::size_t>(line_of(k))];
+    const Vec3 arm = image_->point_V[k].cast<double>().cross(normal);
+    const double motion = arm.dot(m.rotation * arm + 2.0 * (m.mixed * normal)) + normal.dot(m.translation * normal);
+    v.common += std::min(motion, kMotionSigmaMax_m * kMotionSigmaMax_m);
   }
   return v;
 }

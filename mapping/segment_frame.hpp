@@ -93,6 +93,13 @@ class SegmentFrame {
   mutable std::vector<Local> local_;
   std::vector<float> solid_angle_;
   std::vector<Mat6, Eigen::aligned_allocator<Mat6>> motion_;
+  /// The same in blocks of three: asked for several times per pixel.
+  struct MotionBlocks {
+    Mat3 rotation;
+    Mat3 mixed;
+    Mat3 translation;
+  };
+  std::vector<MotionBlocks> motion_blocks_;
   std::vector<double> scratch_;
 };
 

@@ -28,6 +28,8 @@ struct Segmenter::Impl {
 
   void find_regions();
   void fit_components();
+  bool find_patches(const RangeImage& image, SurfaceView& view);
+  void label_patches(SurfaceView& view);
   void outline_patches(SurfaceView& view);
 
   SegmenterConfig config;
@@ -81,14 +83,23 @@ void Segmenter::Impl::fit_components() {
   components = std::move(kept);
 }
 
-void Segmenter::Impl::outline_patches(SurfaceView& view) {
+void Segmenter::Impl::label_patches(SurfaceView& view) {
   labels.assign(labels.size(), kNoLabel);
-  std::vector<Plane> planes;
   for (std::size_t c = 0; c < components.size(); ++c) {
-    planes.push_back(fits[c].plane);
     for (const std::size_t k : components[c]) { labels[k] = static_cast<std::int32_t>(c); }
+    Patch patch;
+    patch.id = static_cast<std::uint32_t>(c + 1);
+    patch.plane = fits[c].plane;
+    patch.motion = fits[c].motion;
+    patch.attributes.pixel_count = static_cast<int>(components[c].size());
+    view.patches.push_back(std::move(patch));
   }
   for (std::size_t k = 0; k < labels.size(); ++k) { view.labels[k] = static_cast<std::uint16_t>(labels[k] + 1); }
+}
+
+void Segmenter::Impl::outline_patches(SurfaceView& view) {
+  std::vector<Plane> planes;
+  for (const Patch& patch : view.patches) { planes.push_back(patch.plane); }
   fill_small_holes(frame, planes, labels);
   BoundaryTracer tracer(frame, labels, planes);
   std::vector<SharedBorder> borders;
@@ -100,34 +111,41 @@ void Segmenter::Impl::outline_patches(SurfaceView& view) {
       snap_to_creases(planes, label, ring);
     }
     PatchOutline outline;
-    Patch patch;
-    patch.id = static_cast<std::uint32_t>(c + 1);
-    patch.plane = planes[c];
-    patch.motion = fits[c].motion;
+    Patch& patch = view.patches[c];
     if (make_outline(rings, outline)) {
       patch.outer.push_back(outline.outer);
       patch.inner = outline.inner;
     }
     patch.attributes = measure_attributes(frame, components[c], fits[c], outline);
-    view.patches.push_back(std::move(patch));
   }
   view.relations = make_relations(borders, planes);
 }
 
-SurfaceView Segmenter::segment(const RangeImage& image) {
-  SurfaceView view;
+bool Segmenter::Impl::find_patches(const RangeImage& image, SurfaceView& view) {
   view.view_id = image.view_id;
   view.t_ref = image.t_ref;
   view.X_OV_ref = image.X_OV_ref;
   view.sensor_V = image.sensor_V;
-  if (!impl_->frame.prepare(image)) { return view; }
+  if (!frame.prepare(image)) { return false; }
   view.lines = image.lines;
   view.columns = image.columns;
   view.labels.assign(image.size(), 0);
-  view.valid_pixels = impl_->frame.valid_count();
-  impl_->find_regions();
-  impl_->fit_components();
-  impl_->outline_patches(view);
+  view.valid_pixels = frame.valid_count();
+  find_regions();
+  fit_components();
+  label_patches(view);
+  return true;
+}
+
+SurfaceView Segmenter::segment(const RangeImage& image) {
+  SurfaceView view;
+  if (impl_->find_patches(image, view)) { impl_->outline_patches(view); }
+  return view;
+}
+
+SurfaceView Segmenter::find_planes(const RangeImage& image) {
+  SurfaceView view;
+  impl_->find_patches(image, view);
   return view;
 }
 

@@ -26,6 +26,9 @@ class Segmenter {
 
   SurfaceView segment(const RangeImage& image);
 
+  /// The same surfaces as planes and labels only: no outlines, no relations, of the attributes just the pixel counts.
+  SurfaceView find_planes(const RangeImage& image);
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -6,15 +6,14 @@ namespace rosid::mapping {
 
 SurfaceView ViewReducer::reduce(RangeImage& image) {
   constexpr int kRounds = 2;
-  SurfaceView view = segmenter_.segment(image);
   const RangeImage original = image;
   for (int round = 0; round < kRounds; ++round) {
+    const SurfaceView planes = segmenter_.find_planes(image);
     RangeImage corrected = original;
-    if (!refiner_.refine(view, corrected)) { break; }
-    view = segmenter_.segment(corrected);
+    if (!refiner_.refine(planes, corrected)) { break; }
     image = std::move(corrected);
   }
-  return view;
+  return segmenter_.segment(image);
 }
 
 }  // namespace rosid::mapping
