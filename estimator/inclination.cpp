@@ -20,8 +20,14 @@ constexpr double kUnknownTiltSigma_rad = 1.0;
 
 using TiltGain = Eigen::Matrix<double, kStateDim, 2>;
 
+/// What the biases do to a reading: W's vertical is the one the first readings showed, biases included, so only what
+/// the vehicle has turned since brings them to light: b - R_VW b.
+Mat2 bias_effect(const Nominal& nominal) {
+  return Mat2::Identity() - nominal.X_WV.rotation().transpose().topLeftCorner<2, 2>();
+}
+
 Vec2 expected_reading(const Nominal& nominal, const TickInput& input, const Vec2& lag_lead) {
-  return nominal.tilt_lag - lag_lead + nominal.tilt_bias + input.felt_acceleration_at_tilt;
+  return nominal.tilt_lag - lag_lead + bias_effect(nominal) * nominal.tilt_bias + input.felt_acceleration_at_tilt;
 }
 
 /// Attitude with the given "up" and no yaw.
@@ -62,7 +68,7 @@ TiltUpdate update_tilt(FilterState& state, const TickInput& input, const Vec2& l
   if (!state.attitude_set && input.never_moved) {
     // Moving the point of linearisation before the first update spares the linear update a large angle. The prior is
     // made so wide that the reading is not counted twice.
-    state.nominal.X_WV.q = attitude_from(input.tilt_mean - state.nominal.tilt_bias);
+    state.nominal.X_WV.q = attitude_from(input.tilt_mean);
     state.nominal.tilt_lag = up_in_V(state.nominal).head<2>() + lag_lead;
     set_attitude_prior(state, kUnknownTiltSigma_rad);
     update.attitude_was_set = true;
@@ -70,7 +76,7 @@ TiltUpdate update_tilt(FilterState& state, const TickInput& input, const Vec2& l
   state.attitude_set = true;
 
   Eigen::Matrix<double, 2, kStateDim> H = Eigen::Matrix<double, 2, kStateDim>::Zero();
-  H.block<2, 2>(0, kTiltBias) = Mat2::Identity();
+  H.block<2, 2>(0, kTiltBias) = bias_effect(state.nominal);
   H.block<2, 2>(0, kTiltLag) = Mat2::Identity();
   update.innovation = input.tilt_mean - expected_reading(state.nominal, input, lag_lead);
 
