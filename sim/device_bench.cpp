@@ -23,7 +23,9 @@ class DeviceBench::StagedPlant final : public Plant {
   }
   double turret_reading_rad(Time t) override { return plant_.turret_reading_rad(plant_time(t)); }
   std::array<double, 2> wheel_readings_m(Time t) override { return plant_.wheel_readings_m(plant_time(t)); }
-  std::array<double, 2> tilt_readings_rad(Time t) override { return plant_.tilt_readings_rad(plant_time(t)); }
+  std::array<double, 2> tilt_readings_rad(Time t, Time device_time) override {
+    return plant_.tilt_readings_rad(plant_time(t), device_time);
+  }
 
  private:
   Time plant_time(Time t) const {
@@ -117,7 +119,7 @@ DeviceBench::DeviceBench(Plant& plant, const BenchOptions& options, Time t_start
   if (options.tilt) {
     const Duration age = reading_age(options.tilt_latency_s, 4);
     nodes_.push_back(std::make_unique<InclinometerNode>(
-        *options.tilt, [staged, age](Time t) { return staged->tilt_readings_rad(t - age); }, t_start));
+        *options.tilt, [staged, age](Time t) { return staged->tilt_readings_rad(t - age, t - age); }, t_start));
   }
 }
 

@@ -31,7 +31,9 @@ class Plant {
 
   /// Inclinometer reading at t in radians: longitudinal (nose up positive), lateral (left up positive); lag, bias,
   /// acceleration coupling and noise included.
-  virtual std::array<double, 2> tilt_readings_rad(Time t) = 0;
+  std::array<double, 2> tilt_readings_rad(Time t) { return tilt_readings_rad(t, t); }
+  /// The same with the instant on the device's own clock, which runs while the plant waits: noise never stands still.
+  virtual std::array<double, 2> tilt_readings_rad(Time t, Time device_time) = 0;
 };
 
 }  // namespace rosid::sim

@@ -31,7 +31,10 @@ class SimulatedPlant final : public Plant {
   [[nodiscard]] float measure_range_m(Time t, double lms_angle_rad) override;
   [[nodiscard]] double turret_reading_rad(Time t) override { return turret_.reading_rad(t); }
   [[nodiscard]] std::array<double, 2> wheel_readings_m(Time t) override { return wheels_.readings_m(to_s(t)); }
-  [[nodiscard]] std::array<double, 2> tilt_readings_rad(Time t) override { return tilt_.readings_rad(t); }
+  using Plant::tilt_readings_rad;
+  [[nodiscard]] std::array<double, 2> tilt_readings_rad(Time t, Time device_time) override {
+    return tilt_.readings_rad(t, static_cast<std::uint64_t>(to_ns(device_time)));
+  }
 
   /// True pose of the vehicle in the world's coordinates.
   [[nodiscard]] RigidTransform true_pose(Time t) const { return drive_.pose(to_s(t)); }

@@ -40,13 +40,12 @@ TiltModel::TiltModel(const config::World& world, const Drive& drive, std::uint64
   }
 }
 
-std::array<double, 2> TiltModel::readings_rad(Time t) const {
+std::array<double, 2> TiltModel::readings_rad(Time t, std::uint64_t noise_number) const {
   std::array<double, 2> reading{};
   for (std::size_t axis = 0; axis < 2; ++axis) {
     const double sine = interpolate_table(lagged_[axis], to_s(t)) + bias_[axis];
-    const auto counter = static_cast<std::uint64_t>(to_ns(t));
     reading[axis] =
-        std::asin(std::clamp(sine, -1.0, 1.0)) + zero_rad_[axis] + (noise_rad_ * noise_[axis].normal(counter));
+        std::asin(std::clamp(sine, -1.0, 1.0)) + zero_rad_[axis] + (noise_rad_ * noise_[axis].normal(noise_number));
   }
   return reading;
 }

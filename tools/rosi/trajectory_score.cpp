@@ -119,7 +119,7 @@ TrajectoryScore score_trajectory(const Trajectory& estimate, const Trajectory& t
 ConsistencyScore score_consistency(const Trajectory& estimate, const Trajectory& truth,
                                    const std::vector<StampedCovariance>& covariances, double spacing_s,
                                    double start_m) {
-  const RigidTransform alignment = align_position_and_heading(estimate, truth);
+  const RigidTransform alignment = align_by_first_pose(estimate, truth);
   ConsistencyScore score;
   double sum = 0.0;
   double travelled = 0.0;

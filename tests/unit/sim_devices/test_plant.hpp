@@ -38,7 +38,8 @@ class FormulaPlant final : public Plant {
     t_last_wheel_ = t;
     return wheels_m(t);
   }
-  std::array<double, 2> tilt_readings_rad(Time t) override { return tilt_rad(t); }
+  using Plant::tilt_readings_rad;
+  std::array<double, 2> tilt_readings_rad(Time t, Time /*device_time*/) override { return tilt_rad(t); }
 
   /// False once a beam or a wheel was asked for earlier than the one before.
   bool is_in_order() const { return is_in_order_; }
