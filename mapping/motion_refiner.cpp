@@ -87,12 +87,14 @@ struct MotionRefiner::Impl {
   bool solve(const RangeImage& image);
   void accumulate(const Surface& surface, const RangeImage& image);
   double cell_weight(const Surface& surface, const Cell& cell, const RangeImage& image, const Eigen::Vector3d& plane) const;
+  void add_unmodelled();
   void apply(RangeImage& image) const;
 
   Calibration calibration;
   std::vector<Time> knots;
   std::size_t ref_knot = 0;
   std::vector<Surface> surfaces;
+  std::vector<Mat6, Eigen::aligned_allocator<Mat6>> steps;  ///< covariance of what happens between knots
   Eigen::MatrixXd prior;        ///< information of the knots' twists
   Eigen::MatrixXd information;  ///< with the surfaces
   Eigen::VectorXd gradient;
@@ -158,6 +160,7 @@ void MotionRefiner::Impl::collect(const SurfaceView& view, const RangeImage& ima
 void MotionRefiner::Impl::set_prior(const RangeImage& image) {
   const auto n = static_cast<Eigen::Index>(6 * knots.size());
   prior = Eigen::MatrixXd::Zero(n, n);
+  steps.clear();
   const auto covariance_at = [&](Time t) {
     const auto nearest = std::min_element(
         image.line.begin(), image.line.end(),
@@ -171,6 +174,7 @@ void MotionRefiner::Impl::set_prior(const RangeImage& image) {
     // Terrain and suspension move a little even when the filter says they do not.
     step.diagonal().head<3>().array() += 1e-8;
     step.diagonal().tail<3>().array() += 1e-8;
+    steps.push_back(step);
     const Mat6 weight = step.inverse();
     const auto row = static_cast<Eigen::Index>(6 * k);
     prior.block<6, 6>(row, row) += weight;
@@ -279,13 +283,7 @@ bool MotionRefiner::Impl::solve(const RangeImage& image) {
     is_first = false;
     if (iteration + 1 == kIterations) { covariance = solver.solve(Eigen::MatrixXd::Identity(n, n)); }
   }
-  const auto ref = static_cast<Eigen::Index>(6 * ref_knot);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const double floor = k % 6 < 3 ? kFloorAngle_rad : kFloorPosition_m;
-    covariance(k, k) += floor * floor;
-  }
-  covariance.middleRows<6>(ref).setZero();
-  covariance.middleCols<6>(ref).setZero();
+  add_unmodelled();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
   // Directions of less than a tenth of the floor are not worth carrying along.
   constexpr double kSmallest = 1e-9;
@@ -293,6 +291,25 @@ bool MotionRefiner::Impl::solve(const RangeImage& image) {
   root = eigen.eigenvectors().rightCols(kept) *
            eigen.eigenvalues().tail(kept).cwiseSqrt().asDiagonal();
   return twists.allFinite() && root.allFinite();
+}
+
+void MotionRefiner::Impl::add_unmodelled() {
+  for (Eigen::Index k = 0; k < covariance.rows(); ++k) {
+    const double floor = k % 6 < 3 ? kFloorAngle_rad : kFloorPosition_m;
+    covariance(k, k) += floor * floor;
+  }
+  // A random walk leaves the straight line between two knots: a Brownian bridge has a sixth of the step's variance on
+  // average, and the knots cannot follow it.
+  constexpr double kBridge = 1.0 / 6.0;
+  for (std::size_t k = 0; k < knots.size(); ++k) {
+    const Mat6& before = steps[k == 0 ? 0 : k - 1];
+    const Mat6& after = steps[std::min(k, steps.size() - 1)];
+    const auto row = static_cast<Eigen::Index>(6 * k);
+    covariance.block<6, 6>(row, row) += 0.5 * kBridge * (before + after);
+  }
+  const auto ref = static_cast<Eigen::Index>(6 * ref_knot);
+  covariance.middleRows<6>(ref).setZero();
+  covariance.middleCols<6>(ref).setZero();
 }
 
 void MotionRefiner::Impl::apply(RangeImage& image) const {

@@ -89,7 +89,9 @@ TEST(Slcan, ParserSeparatesFramesAnswersAndErrors) {
 TEST(Slcan, OverlongAndBinaryLinesCostThemselvesOnly) {
   SlcanParser parser;
   Collector sink;
-  parser.feed(bytes_of(std::string(1000, 't') + "\rt0010\r\x01t0010\rt0020\r"), sink);
+  std::string text(1000, 't');
+  text.append("\rt0010\r\x01t0010\rt0020\r");
+  parser.feed(bytes_of(text), sink);
   ASSERT_EQ(sink.frames.size(), 2U);
   EXPECT_EQ(sink.frames[1].id, 2U);
   constexpr unsigned kLine = 32;

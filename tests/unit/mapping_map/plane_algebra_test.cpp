@@ -17,15 +17,6 @@ Plane make_plane(const Vec3& normal, const Vec3& centroid) {
   return plane;
 }
 
-Plane perturbed(const Plane& plane, const Vec3& error) {
-  Plane result = plane;
-  result.normal = (plane.normal + plane.e2 * error.x() + plane.e3 * error.y()).normalized();
-  result.e2 = (plane.e2 - plane.e2.dot(result.normal) * result.normal).normalized();
-  result.e3 = result.normal.cross(result.e2);
-  result.centroid += error.z() * plane.normal;
-  return result;
-}
-
 TEST(PlaneAlgebra, ResidualJacobiansMatchDifferences) {
   const Plane a = make_plane({0.2, 0.9, 0.3}, {1, 2, 3});
   const Plane b = make_plane({0.22, 0.88, 0.31}, {2, 1.5, 3.5});

@@ -19,15 +19,6 @@ Plane make_plane(const Vec3& normal, const Vec3& centroid) {
   return plane;
 }
 
-Plane perturbed(const Plane& plane, const Vec3& error) {
-  Plane result = plane;
-  result.normal = (plane.normal + plane.e2 * error.x() + plane.e3 * error.y()).normalized();
-  result.e2 = (plane.e2 - plane.e2.dot(result.normal) * result.normal).normalized();
-  result.e3 = result.normal.cross(result.e2);
-  result.centroid += error.z() * plane.normal;
-  return result;
-}
-
 constexpr double kAngle = 0.0035;
 constexpr double kOffset = 0.008;
 
