@@ -87,6 +87,8 @@ void Assembler::fill_gaps() {
 RangeImage Assembler::build() const {
   const auto [first, last] =
       std::minmax_element(open_.begin(), open_.end(), [](const ReadyLine& a, const ReadyLine& b) { return a.t < b.t; });
+  // The first image becomes the map and belongs where the vehicle has been standing; every later one is to tell where
+  // the vehicle is now: what a fix says of an earlier instant the wheels have blurred again by the time it is known.
   const RelativeMotion motion(poses_, next_view_id_ == 0 ? first->t : last->t);
   RangeImage image;
   image.topology = Topology::Moebius;

@@ -161,7 +161,7 @@ void correct_motion(const Registration& registration, std::vector<Patch>& patche
   for (Patch& patch : patches) {
     if (patch.motion.cols() != m) { continue; }
     const Mat3 less = patch.motion * gained * patch.motion.transpose();
-    patch.plane = perturbed(patch.plane, -(patch.motion * registration.motion));
+    patch.plane = perturbed(patch.plane, patch.motion * registration.motion);
     patch.plane.covariance_independent -= 0.5 * (less + less.transpose());
     patch.motion.resize(3, 0);
   }
@@ -214,8 +214,8 @@ Mapper::Mapper(const MappingConfig& config, const Calibration& calibration, Stop
 }
 
 Mapper::Attempt Mapper::register_view(std::vector<Patch>& patches, std::span<const PreparedPatch> view,
-                                      std::span<const PreparedPatch> map, const PoseBelief& prior,
-                                      const Vec3& sensor_V, StageTimes& times) const {
+                                      std::span<const PreparedPatch> map, const PoseBelief& prior, const Vec3& sensor_V,
+                                      StageTimes& times) const {
   const SystematicFloor floor = systematic_floor(calibration_);
   const std::span<const MapPatch> map_patches = map_->patches;
   Attempt attempt;

@@ -41,9 +41,9 @@ struct Cell {
 
 /// One surface: the linear maps from [x; 1] to what its distance depends on.
 struct Surface {
-  Mat64 twist;      ///< d(distance)/d[phi, tau]
-  Mat34 plane;      ///< d(distance)/d(theta2, theta3, delta)
-  Vec4 distance;    ///< row
+  Mat64 twist;    ///< d(distance)/d[phi, tau]
+  Mat34 plane;    ///< d(distance)/d(theta2, theta3, delta)
+  Vec4 distance;  ///< row
   std::vector<Cell> cells;
 };
 
@@ -86,7 +86,8 @@ struct MotionRefiner::Impl {
   void set_prior(const RangeImage& image);
   bool solve(const RangeImage& image);
   void accumulate(const Surface& surface, const RangeImage& image);
-  double cell_weight(const Surface& surface, const Cell& cell, const RangeImage& image, const Eigen::Vector3d& plane) const;
+  double cell_weight(const Surface& surface, const Cell& cell, const RangeImage& image,
+                     const Eigen::Vector3d& plane) const;
   void add_unmodelled();
   void apply(RangeImage& image) const;
 
@@ -95,8 +96,8 @@ struct MotionRefiner::Impl {
   std::size_t ref_knot = 0;
   std::vector<Surface> surfaces;
   std::vector<Mat6, Eigen::aligned_allocator<Mat6>> steps;  ///< covariance of what happens between knots
-  Eigen::MatrixXd prior;        ///< information of the knots' twists
-  Eigen::MatrixXd information;  ///< with the surfaces
+  Eigen::MatrixXd prior;                                    ///< information of the knots' twists
+  Eigen::MatrixXd information;                              ///< with the surfaces
   Eigen::VectorXd gradient;
   Eigen::VectorXd twists;
   Eigen::MatrixXd covariance;
@@ -162,9 +163,9 @@ void MotionRefiner::Impl::set_prior(const RangeImage& image) {
   prior = Eigen::MatrixXd::Zero(n, n);
   steps.clear();
   const auto covariance_at = [&](Time t) {
-    const auto nearest = std::min_element(
-        image.line.begin(), image.line.end(),
-        [t](const LineInfo& a, const LineInfo& b) { return abs(a.t - t) < abs(b.t - t); });
+    const auto nearest =
+        std::min_element(image.line.begin(), image.line.end(),
+                         [t](const LineInfo& a, const LineInfo& b) { return abs(a.t - t) < abs(b.t - t); });
     return twist_covariance(*nearest);
   };
   for (std::size_t k = 0; k + 1 < knots.size(); ++k) {
@@ -197,8 +198,8 @@ double MotionRefiner::Impl::cell_weight(const Surface& surface, const Cell& cell
   const double count = cell.moments(3, 3);
   const LineInfo& line = image.line[static_cast<std::size_t>(cell.line)];
   const Vec3 mean = cell.moments.topRightCorner<3, 1>() / count;
-  const double turn = calibration.turret_sigma_rad *
-                      surface.distance.head<3>().dot(line.spin_axis_V.cross(mean - line.origin_V));
+  const double turn =
+      calibration.turret_sigma_rad * surface.distance.head<3>().dot(line.spin_axis_V.cross(mean - line.origin_V));
   const double common = (turn * turn) + (kFlatness_m * kFlatness_m);
   const double variance = (cell.own_variance / count) + (count * common);
   if (is_first) { return 1.0 / variance; }
@@ -288,8 +289,7 @@ bool MotionRefiner::Impl::solve(const RangeImage& image) {
   // Directions of less than a tenth of the floor are not worth carrying along.
   constexpr double kSmallest = 1e-9;
   const auto kept = (eigen.eigenvalues().array() > kSmallest).count();
-  root = eigen.eigenvectors().rightCols(kept) *
-           eigen.eigenvalues().tail(kept).cwiseSqrt().asDiagonal();
+  root = eigen.eigenvectors().rightCols(kept) * eigen.eigenvalues().tail(kept).cwiseSqrt().asDiagonal();
   return twists.allFinite() && root.allFinite();
 }
 

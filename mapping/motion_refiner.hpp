@@ -9,11 +9,11 @@
 
 namespace rosid::mapping {
 
-/// Wheels lose a good part of a degree during a half turn, and a wall that is swept while they do comes out twisted. The
-/// other way round, a twist tells what they lost: of all motions the wheels allow for (a random walk between a few
+/// Wheels lose a good part of a degree during a half turn, and a wall that is swept while they do comes out twisted.
+/// The other way round, a twist tells what they lost: of all motions the wheels allow for (a random walk between a few
 /// knots, its noise given by the image's motion covariances) the likeliest is sought for which every surface is flat.
-/// One least-squares problem over the knots' twists and all planes, the planes eliminated block by block; each surface's
-/// pixels enter through their moments line by line [extends maths 2.5 and (3.7)].
+/// One least-squares problem over the knots' twists and all planes, the planes eliminated block by block; each
+/// surface's pixels enter through their moments line by line [extends maths 2.5 and (3.7)].
 ///
 /// Pure, deterministic; keeps its working memory between calls; one instance per thread.
 class MotionRefiner {

@@ -174,9 +174,9 @@ PlaneSource united(const PlaneSource& a, const PlaneSource& b, const SystematicF
     const MotionResponse of_a = K_a * T_a * a.motion;
     const MotionResponse of_b = K_b * T_b * b.motion;
     result.motion = of_a + of_b;
-    result.plane.covariance_independent = symmetrised(
-        result.plane.covariance_independent - of_a * of_a.transpose() - of_b * of_b.transpose() +
-        result.motion * result.motion.transpose());
+    result.plane.covariance_independent =
+        symmetrised(result.plane.covariance_independent - of_a * of_a.transpose() - of_b * of_b.transpose() +
+                    result.motion * result.motion.transpose());
   }
   // A convex combination of two errors whose correlation is unknown is never worse than that of their covariances.
   const double weight_b = std::clamp(K_b.trace() / 3.0, 0.0, 1.0);

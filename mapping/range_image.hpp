@@ -56,8 +56,8 @@ struct RangeImage {
   std::uint32_t view_id = 0;
   int lines = 0;
   int columns = 0;
-  double step_rad = 0.0;                     ///< angle between neighbouring columns
-  Time t_ref;                                ///< reference time: the stamp of a PoseEstimate near the middle line
+  double step_rad = 0.0;  ///< angle between neighbouring columns
+  Time t_ref;  ///< reference time: the stamp of the PoseEstimate nearest the last line, in the first image the first
   RigidTransform X_OV_ref;                   ///< odometry pose at t_ref; all points are expressed in V at t_ref
   Vec3 sensor_V = Vec3::Zero();              ///< turret centre in V
   std::vector<LineInfo> line;                ///< size lines

@@ -37,9 +37,9 @@ struct PlanePair {
 struct PairTerms {
   Vec3 r = Vec3::Zero();
   Mat36 J = Mat36::Zero();
-  MotionResponse M;              ///< dr/d(motion variables)
+  MotionResponse M;            ///< dr/d(motion variables)
   Mat3 C_view = Mat3::Zero();  ///< without the motion's part
-  Mat3 C_map = Mat3::Zero();  ///< the map plane's independent part
+  Mat3 C_map = Mat3::Zero();   ///< the map plane's independent part
 };
 PairTerms linearise(const PlanePair& pair, const RigidTransform& X_WV);
 
@@ -58,9 +58,9 @@ struct Registration {
   double chi2 = 0.0;
   double chi2_dof = 0.0;
   double innovation2 = 0.0;  ///< squared normalised difference from the prior; dof 6 - null_count
-  Eigen::VectorXd motion;    ///< likeliest values of the motion variables, given pairs and pose
+  Eigen::VectorXd motion;    ///< likeliest corrections of the motion variables, given pairs and pose
   Eigen::MatrixXd motion_covariance;
-  PoseBelief posterior;      ///< prior and pairs fused by split covariance intersection: places the view's patches
+  PoseBelief posterior;  ///< prior and pairs fused by split covariance intersection: places the view's patches
 };
 
 /// Registers the pairs, starting the linearisation at `start` (normally from solve_with_prior).
@@ -68,8 +68,9 @@ struct Registration {
 /// A direction is null when the pairs' information is below that of five prior sigmas [maths 3.7], or not well above
 /// what the planes' own direction errors feign (three times their sigma). The map's independent errors count as
 /// correlated once an earlier fix has used them: the prior knows them from then on [maths 3.8]. Inherited errors are
-/// taken as fully coherent between the patches. What the view's planes owe to errors of the vehicle's motion in the view
-/// is estimated along with the pose: the map's planes tell how the vehicle moved, too. Covariances are inflated when chi2 is significantly above its dof.
+/// taken as fully coherent between the patches. What the view's planes owe to errors of the vehicle's motion in the
+/// view is estimated along with the pose: the map's planes tell how the vehicle moved, too. Covariances are inflated
+/// when chi2 is significantly above its dof.
 Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief& prior, const RigidTransform& start);
 
 }  // namespace rosid::mapping

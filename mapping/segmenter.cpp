@@ -74,8 +74,7 @@ void Segmenter::Impl::fit_components() {
     const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
     const bool is_bowed = fit.bow_m * fit.bow_m > kMaxBow * kMaxBow * frame.flatness_variance() &&
                           fit.bow_m * fit.bow_m > kMaxBowShare * fit.rms_m * fit.rms_m;
-    const bool is_plane =
-        direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness && !is_bowed;
+    const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness && !is_bowed;
     if (!is_plane || element_area(frame, pixels, fit.plane.normal) < config.min_patch_area_m2) { continue; }
     fits.push_back(fit);
     kept.push_back(std::move(pixels));

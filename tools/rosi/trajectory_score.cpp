@@ -73,17 +73,6 @@ RigidTransform align_by_first_pose(const Trajectory& estimate, const Trajectory&
   return first == estimate.poses().end() ? RigidTransform{} : truth.at(first->t) * first->X.inverse();
 }
 
-RigidTransform align_position_and_heading(const Trajectory& estimate, const Trajectory& truth) {
-  const auto first = first_common(estimate, truth);
-  if (first == estimate.poses().end()) { return {}; }
-  const RigidTransform actual = truth.at(first->t);
-  const double turn = yaw_pitch_roll(actual.q).yaw_rad - yaw_pitch_roll(first->X.q).yaw_rad;
-  RigidTransform alignment;
-  alignment.q = so3_exp(turn * Vec3::UnitZ());
-  alignment.p = actual.p - alignment.q * first->X.p;
-  return alignment;
-}
-
 TrajectoryScore score_trajectory(const Trajectory& estimate, const Trajectory& truth, const RigidTransform& alignment,
                                  double segment_m) {
   TrajectoryScore score;

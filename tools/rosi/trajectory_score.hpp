@@ -34,9 +34,6 @@ class Trajectory {
 /// (all six degrees of freedom).
 RigidTransform align_by_first_pose(const Trajectory& estimate, const Trajectory& truth);
 
-/// The same with position and heading only: keeps "up" as the estimate sees it, which its covariance is about.
-RigidTransform align_position_and_heading(const Trajectory& estimate, const Trajectory& truth);
-
 struct TrajectoryScore {
   double position_mean_m = 0.0;
   double position_rmse_m = 0.0;

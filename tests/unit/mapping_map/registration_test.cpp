@@ -123,6 +123,50 @@ TEST(Registration, ErrorsMatchTheStatedCovariance) {
   EXPECT_LT(nis, 6.84);
 }
 
+TEST(Registration, MotionInTheViewIsEstimatedAlongWithThePose) {
+  // All planes of a view err together with a few variables of the vehicle's motion.
+  std::mt19937_64 random(21);
+  std::normal_distribution<double> gauss;
+  const Mat6 P = diagonal_prior(0.1, 0.03);
+  constexpr int kRuns = 400;
+  constexpr int kVariables = 4;
+  double nees = 0.0;
+  double nees_ignorant = 0.0;
+  double before = 0.0;
+  double after = 0.0;
+  for (int k = 0; k < kRuns; ++k) {
+    std::vector<PlanePair> pairs = observe(room_planes(), plane_covariance(0.5), plane_covariance(0.5), random);
+    Eigen::VectorXd variables(kVariables);
+    for (double& value : variables) { value = gauss(random); }
+    for (PlanePair& pair : pairs) {
+      pair.motion = MotionResponse::Zero(3, kVariables);
+      // Turns about the vertical and shifts ahead, by different shares for different planes.
+      for (int m = 0; m < kVariables; ++m) {
+        const double share = std::sin(1.0 + (2.0 * m) + pair.view_V.centroid.norm());
+        const Vec3 turn = 0.01 * share * Vec3::UnitZ();
+        const Vec3 dn = turn.cross(pair.view_V.normal);
+        pair.motion.col(m) << pair.view_V.e2.dot(dn), pair.view_V.e3.dot(dn), 0.01 * share * pair.view_V.normal.x();
+      }
+      pair.view_V = perturbed(pair.view_V, pair.motion * variables);
+      pair.view_V.covariance_independent += pair.motion * pair.motion.transpose();
+    }
+    const PoseBelief prior = belief_from_border(retract(kTruth, -testing::draw(P, random)), P);
+    const Registration result = run(pairs, prior);
+    const Vec6 error = local_difference(result.X_WV, kTruth);
+    nees += error.dot(result.information_border * error) / kRuns;
+    before += variables.squaredNorm() / kRuns;
+    after += (result.motion + variables).squaredNorm() / kRuns;
+    for (PlanePair& pair : pairs) { pair.motion.resize(3, 0); }
+    const Registration ignorant = run(pairs, prior);
+    const Vec6 other = local_difference(ignorant.X_WV, kTruth);
+    nees_ignorant += other.dot(ignorant.information_border * other) / kRuns;
+  }
+  EXPECT_GT(nees, 5.23);
+  EXPECT_LT(nees, 6.84);
+  EXPECT_GT(nees_ignorant, 6.84) << "errors in common are taken for independent ones";
+  EXPECT_LT(after, 0.6 * before) << "the map's planes tell how the vehicle moved";
+}
+
 TEST(Registration, ThePriorIsNotPartOfTheFix) {
   std::mt19937_64 random(3);
   const std::vector<PlanePair> pairs = observe(room_planes(), plane_covariance(1.0), plane_covariance(1.0), random);
