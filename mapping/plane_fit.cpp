@@ -143,7 +143,8 @@ void Fitter::propagate(PlaneFit& fit) const {
     sum_squares += e * e;
     const double variance = std::max(frame_.variance(k, normal_).total(), 1e-12);
     chi2 += e * e / variance;
-    rough += e * e / (frame_.variance(k, normal_).own + frame_.flatness_variance());
+    const double unbent = frame_.is_bent() ? variance : frame_.variance(k, normal_).own;
+    rough += e * e / (unbent + frame_.flatness_variance());
   }
   const auto count = static_cast<double>(pixels_.size());
   fit.rms_m = std::sqrt(sum_squares / count);

@@ -14,7 +14,7 @@ struct PlaneFit {
   Mat3 noise = Mat3::Zero();   ///< the same without the systematic floor
   double rms_m = 0.0;          ///< of the residuals, equal weights
   double chi2_reduced = 0.0;   ///< of the residuals against noise alone
-  double roughness = 0.0;      ///< rms of the residuals over pixel noise and flatness together: about 1 for a plane
+  double roughness = 0.0;      ///< rms of the residuals over pixel noise, flatness and what bends the image: about 1
   double bow_m = 0.0;          ///< rms of the part of the residuals that a surface of second order explains
   Vec3 lambda = Vec3::Zero();  ///< eigenvalues of the weighted scatter, ascending, 1
 };

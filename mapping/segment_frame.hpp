@@ -60,6 +60,8 @@ class SegmentFrame {
   /// Twist covariance of line i, [rotation, translation] in V at t_ref; only when is_moving().
   const Mat6& line_motion(int i) const { return motion_[static_cast<std::size_t>(i)]; }
   bool is_moving() const { return is_moving_; }
+  /// Errors of the motion still bend surfaces: MotionRefiner has not seen the image yet.
+  bool is_bent() const { return is_moving_ && image_->motion.empty(); }
 
   /// Variance of a point's distance from a plane with this normal that is its own [maths (3.2)], and the part it has in
   /// common with its line: turret angle and vehicle motion.

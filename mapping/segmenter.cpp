@@ -72,7 +72,7 @@ void Segmenter::Impl::fit_components() {
     PlaneFit fit;
     if (!fit_plane(frame, pixels, fit_quick(moments), fit)) { continue; }
     const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
-    const bool is_bowed = fit.bow_m * fit.bow_m > kMaxBow * kMaxBow * frame.flatness_variance() &&
+    const bool is_bowed = !frame.is_bent() && fit.bow_m * fit.bow_m > kMaxBow * kMaxBow * frame.flatness_variance() &&
                           fit.bow_m * fit.bow_m > kMaxBowShare * fit.rms_m * fit.rms_m;
     const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness && !is_bowed;
     if (!is_plane || element_area(frame, pixels, fit.plane.normal) < config.min_patch_area_m2) { continue; }
