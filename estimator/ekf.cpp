@@ -34,6 +34,15 @@ FilterState initial_state(const Calibration& calibration) {
   return state;
 }
 
+/// Variance of roll and pitch (the larger) given the tilt biases.
+double attitude_variance(const StateMatrix& P) {
+  const Mat2 tilt = P.block<2, 2>(kRotation, kRotation);
+  const Mat2 mixed = P.block<2, 2>(kRotation, kTiltBias);
+  const Mat2 bias = P.block<2, 2>(kTiltBias, kTiltBias) + 1e-12 * Mat2::Identity();
+  const Mat2 rest = tilt - mixed * bias.inverse() * mixed.transpose();
+  return std::max({rest(0, 0), rest(1, 1), 0.0});
+}
+
 Vec6 step_variance(const NoiseVector& v, double track_m) {
   Vec6 variance;
   variance << 0.25 * (v(0) + v(1)), v(5), v(6), v(2), v(3), v(4) + (v(0) + v(1)) / (track_m * track_m);
@@ -277,15 +286,6 @@ void Ekf::Impl::report_fix(const SurfaceFix& fix, AidOutcome outcome) {
   FixUpdate update;
   update.outcome = outcome;
   reports_.add(fix_report(fix, update));
-}
-
-/// Variance of roll and pitch (the larger) given the tilt biases.
-double attitude_variance(const StateMatrix& P) {
-  const Mat2 tilt = P.block<2, 2>(kRotation, kRotation);
-  const Mat2 mixed = P.block<2, 2>(kRotation, kTiltBias);
-  const Mat2 bias = P.block<2, 2>(kTiltBias, kTiltBias) + 1e-12 * Mat2::Identity();
-  const Mat2 rest = tilt - mixed * bias.inverse() * mixed.transpose();
-  return std::max({rest(0, 0), rest(1, 1), 0.0});
 }
 
 PoseEstimate Ekf::Impl::estimate(const TickRecord& record, const FilterState& state) const {

@@ -10,9 +10,8 @@ struct AssemblerConfig {
   double opening_rad = 1.7453292519943295;  ///< field of view of a line, symmetric about the optical axis (100 degrees)
   double range_min_m = 0.30;
   double range_max_m = 30.0;
-  /// Turret angle at which an image begins. A vertical scan plane (pi/2): the seam, where pixels side by side are a
-  /// whole image apart in time, then crosses floor and ceiling, which an error of the heading does not move, and the
-  /// walls are seen in one piece around the reference time.
+  /// Turret angle at which an image begins. At the seam pixels side by side are a whole image apart in time. A
+  /// horizontal scan plane (0): the last lines, which the fix refers to, see the walls, and the walls tell the heading.
   double seam_rad = 0.0;
   int max_lines = 2000;  ///< of one half turn; a slower turret closes the image early
 };

@@ -213,7 +213,7 @@ bool take_in(MapPatch& map, const PlacedView& view, std::span<const std::size_t>
   PlaneSource seen;
   for (std::size_t k = 0; k < fragments.size(); ++k) {
     const Patch& patch = view.patches_W[fragments[k]];
-    const PlaneSource one{patch.plane, Mat6::Zero(), patch.attributes.area_m2};
+    const PlaneSource one{patch.plane, Mat6::Zero(), patch.attributes.area_m2, patch.motion};
     seen = k == 0 ? one : united(seen, one, settings.floor);
   }
   seen.inherited = view.inherited;

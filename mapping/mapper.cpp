@@ -120,7 +120,9 @@ std::optional<std::size_t> worst_outlier(std::span<const PlanePair> pairs, const
   std::optional<std::size_t> found;
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     PairTerms terms = linearise(pairs[k], registration.X_WV);
-    if (terms.M.cols() > 0) { terms.r += terms.M * registration.motion; }
+    if (terms.M.cols() > 0 && terms.M.cols() == registration.motion.size()) {
+      terms.r += terms.M * registration.motion;
+    }
     const double distance2 = terms.r.dot((terms.C_view + terms.C_map).ldlt().solve(terms.r));
     if (distance2 > worst) {
       worst = distance2;
@@ -153,17 +155,12 @@ Registration register_consistent(GroupedPairs& grouped, std::vector<PatchMatch>&
   }
 }
 
-/// Takes what the registration learnt of the vehicle's motion during the view out of the view's planes.
+/// Takes what the registration learnt of the vehicle's motion during the view out of the view's planes. Their
+/// covariance stays: what was learnt came from the map they are fused with, and counts once.
 void correct_motion(const Registration& registration, std::vector<Patch>& patches) {
-  const Eigen::Index m = registration.motion.size();
-  if (m == 0) { return; }
-  const Eigen::MatrixXd gained = Eigen::MatrixXd::Identity(m, m) - registration.motion_covariance;
   for (Patch& patch : patches) {
-    if (patch.motion.cols() != m) { continue; }
-    const Mat3 less = patch.motion * gained * patch.motion.transpose();
+    if (patch.motion.cols() == 0 || patch.motion.cols() != registration.motion.size()) { continue; }
     patch.plane = perturbed(patch.plane, patch.motion * registration.motion);
-    patch.plane.covariance_independent -= 0.5 * (less + less.transpose());
-    patch.motion.resize(3, 0);
   }
 }
 

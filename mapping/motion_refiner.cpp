@@ -23,7 +23,7 @@ constexpr double kFlatness_m = 0.003;
 constexpr double kFloorAngle_rad = 0.0005;
 constexpr double kFloorPosition_m = 0.001;
 constexpr double kHuber = 2.5;
-/// A standard deviation of the heading that is not worth the effort.
+/// A standard deviation of the rotation during the image that is not worth the effort.
 constexpr double kStill_rad = 1e-5;
 
 using Mat4 = Eigen::Matrix4d;
@@ -71,17 +71,10 @@ Surface linear_surface(const Plane& plane) {
 
 }  // namespace
 
-KnotShare knot_share(const std::vector<Time>& knots, Time t) {
-  const auto it = std::upper_bound(knots.begin(), knots.end(), t);
-  const auto next = std::clamp<std::size_t>(static_cast<std::size_t>(it - knots.begin()), 1, knots.size() - 1);
-  const double span = to_s(knots[next] - knots[next - 1]);
-  return {next - 1, std::clamp(to_s(t - knots[next - 1]) / span, 0.0, 1.0)};
-}
-
 struct MotionRefiner::Impl {
   explicit Impl(const Calibration& calibration_in) : calibration(calibration_in) {}
 
-  bool place_knots(const RangeImage& image);
+  void place_knots(const RangeImage& image);
   void collect(const SurfaceView& view, const RangeImage& image);
   void set_prior(const RangeImage& image);
   bool solve(const RangeImage& image);
@@ -110,7 +103,7 @@ MotionRefiner::~MotionRefiner() = default;
 MotionRefiner::MotionRefiner(MotionRefiner&&) noexcept = default;
 MotionRefiner& MotionRefiner::operator=(MotionRefiner&&) noexcept = default;
 
-bool MotionRefiner::Impl::place_knots(const RangeImage& image) {
+void MotionRefiner::Impl::place_knots(const RangeImage& image) {
   const auto [first, last] = std::minmax_element(image.line.begin(), image.line.end(),
                                                  [](const LineInfo& a, const LineInfo& b) { return a.t < b.t; });
   knots.clear();
@@ -125,9 +118,6 @@ bool MotionRefiner::Impl::place_knots(const RangeImage& image) {
   ref_knot = knots.size();
   knots.push_back(image.t_ref);
   add_side(to_s(last->t - image.t_ref), 1.0);
-  return twist_covariance(*first).diagonal().head<3>().maxCoeff() +
-             twist_covariance(*last).diagonal().head<3>().maxCoeff() >
-         kStill_rad * kStill_rad;
 }
 
 void MotionRefiner::Impl::collect(const SurfaceView& view, const RangeImage& image) {
@@ -186,10 +176,12 @@ void MotionRefiner::Impl::set_prior(const RangeImage& image) {
   if (!(image.attitude_sigma_rad > 0.0)) { return; }
   // The inclinometer holds roll and pitch at every instant: they do not walk away with the distance.
   const double held = 1.0 / (image.attitude_sigma_rad * image.attitude_sigma_rad);
+  const Vec3 up = image.X_OV_ref.q.conjugate() * Vec3::UnitZ();
+  const Mat3 horizontal = held * (Mat3::Identity() - up * up.transpose());
   for (std::size_t k = 0; k < knots.size(); ++k) {
     if (k == ref_knot) { continue; }
     const auto row = static_cast<Eigen::Index>(6 * k);
-    prior.diagonal().segment<2>(row).array() += held;
+    prior.block<3, 3>(row, row) += horizontal;
   }
 }
 
@@ -299,8 +291,8 @@ void MotionRefiner::Impl::add_unmodelled() {
     covariance(k, k) += floor * floor;
   }
   // A random walk leaves the straight line between two knots: a Brownian bridge has a sixth of the step's variance on
-  // average, and the knots cannot follow it.
-  constexpr double kBridge = 1.0 / 6.0;
+  // average, and the knots cannot follow it. Interpolated between two knots, independent variances lose a third.
+  constexpr double kBridge = 1.0 / 4.0;
   for (std::size_t k = 0; k < knots.size(); ++k) {
     const Mat6& before = steps[k == 0 ? 0 : k - 1];
     const Mat6& after = steps[std::min(k, steps.size() - 1)];
@@ -338,13 +330,19 @@ void MotionRefiner::Impl::apply(RangeImage& image) const {
   image.motion.factor = root;
 }
 
+bool MotionRefiner::has_motion(const RangeImage& image) {
+  return std::any_of(image.line.begin(), image.line.end(), [](const LineInfo& line) {
+    return twist_covariance(line).diagonal().head<3>().maxCoeff() > kStill_rad * kStill_rad;
+  });
+}
+
 bool MotionRefiner::refine(const SurfaceView& view, RangeImage& image) {
   const std::size_t n = image.size();
   if (image.lines < 2 || image.line.size() != static_cast<std::size_t>(image.lines) || view.labels.size() != n ||
-      image.point_V.size() != n || image.direction_V.size() != n || !image.motion.empty() ||
-      !impl_->place_knots(image)) {
+      image.point_V.size() != n || image.direction_V.size() != n || !image.motion.empty() || !has_motion(image)) {
     return false;
   }
+  impl_->place_knots(image);
   impl_->collect(view, image);
   if (impl_->surfaces.empty()) { return false; }
   impl_->set_prior(image);

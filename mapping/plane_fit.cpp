@@ -141,10 +141,9 @@ void Fitter::propagate(PlaneFit& fit) const {
     }
     const double e = q.dot(normal_);
     sum_squares += e * e;
-    const double variance = std::max(frame_.variance(k, normal_).total(), 1e-12);
-    chi2 += e * e / variance;
-    const double unbent = frame_.is_bent() ? variance : frame_.variance(k, normal_).own;
-    rough += e * e / (unbent + frame_.flatness_variance());
+    const SegmentFrame::Variance expected = frame_.variance(k, normal_);
+    chi2 += e * e / std::max(expected.total(), 1e-12);
+    rough += e * e / ((frame_.is_bent() ? expected.total() : expected.own) + frame_.flatness_variance());
   }
   const auto count = static_cast<double>(pixels_.size());
   fit.rms_m = std::sqrt(sum_squares / count);

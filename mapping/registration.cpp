@@ -129,8 +129,9 @@ struct Sums {
   Mat6 H_coherent = Mat6::Zero();     ///< sum of J^T W J sqrt(inherited)
   Mat6 H_feigned = Mat6::Zero();      ///< information that errors of the normals feign
   double chi2 = 0.0;
-  Eigen::VectorXd motion;
-  Eigen::MatrixXd motion_covariance;
+  Eigen::VectorXd motion;             ///< at the pose of the linearisation
+  Eigen::MatrixXd motion_covariance;  ///< given the pose
+  Eigen::MatrixXd elimination;
 };
 
 Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, const RigidTransform& X) {
@@ -144,7 +145,9 @@ Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, cons
     const Eigen::LDLT<Eigen::MatrixXd> factor(normals.H_motion);
     s.motion = -factor.solve(normals.g_motion);
     s.motion_covariance = factor.solve(Eigen::MatrixXd::Identity(s.motion.size(), s.motion.size()));
-    s.H_independent += normals.elimination.transpose() * normals.elimination;
+    // The wheels' noise during the view is part of the prior, too: t_ref lies at the end of the view.
+    s.H_known += normals.elimination.transpose() * normals.elimination;
+    s.elimination = normals.elimination;
     s.chi2 += s.motion.squaredNorm();
   }
   for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -167,7 +170,8 @@ Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, cons
     s.chi2 += std::min(mahalanobis2(r, c), 1e6);
     const Mat32 B = tangent(pairs[k].map_W);
     for (int m = 0; m < 2; ++m) {
-      const Vec3 dn = std::sqrt(std::max(t.C_view(m, m) + t.C_map(m, m), 0.0)) * B.col(m);
+      const double of_motion = has_motion ? t.M.row(m).squaredNorm() : 0.0;
+      const Vec3 dn = std::sqrt(std::max(t.C_view(m, m) + t.C_map(m, m) + of_motion, 0.0)) * B.col(m);
       Vec6 row;
       row << (R * pairs[k].view_V.centroid).cross(dn), dn;
       s.H_feigned += W(2, 2) * row * row.transpose();
@@ -338,8 +342,6 @@ Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief&
   const Mat6 border_from_scaled = border_from_left(X) * S;
   set_null_directions(space, border_from_scaled, result);
   result.chi2 = sums.chi2;
-  result.motion = sums.motion;
-  result.motion_covariance = sums.motion_covariance;
   result.chi2_dof = 3.0 * static_cast<double>(pairs.size()) - static_cast<double>(space.seen.cols());
   if (space.seen.cols() == 0 || !z.value.allFinite()) { return result; }
   result.X_WV = X;
@@ -364,6 +366,11 @@ Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief&
   result.posterior.X_WV = prior.X_WV;
   apply_left(result.posterior.X_WV, S * fused.y);
   result.posterior.covariance_left = symmetrised(S * fused.P * S);
+  if (sums.motion.size() > 0) {
+    const auto& E = sums.elimination;
+    result.motion = sums.motion - E * left_difference(X, result.posterior.X_WV);
+    result.motion_covariance = sums.motion_covariance + E * result.posterior.covariance_left * E.transpose();
+  }
   return result;
 }
 

@@ -58,7 +58,7 @@ struct Registration {
   double chi2 = 0.0;
   double chi2_dof = 0.0;
   double innovation2 = 0.0;  ///< squared normalised difference from the prior; dof 6 - null_count
-  Eigen::VectorXd motion;    ///< likeliest corrections of the motion variables, given pairs and pose
+  Eigen::VectorXd motion;    ///< likeliest corrections of the motion variables at the posterior; empty without
   Eigen::MatrixXd motion_covariance;
   PoseBelief posterior;  ///< prior and pairs fused by split covariance intersection: places the view's patches
 };

@@ -5,6 +5,7 @@
 namespace rosid::mapping {
 
 SurfaceView ViewReducer::reduce(RangeImage& image) {
+  if (!MotionRefiner::has_motion(image)) { return segmenter_.segment(image); }
   constexpr int kRounds = 2;
   const RangeImage original = image;
   for (int round = 0; round < kRounds; ++round) {

@@ -16,7 +16,8 @@ class TiltModel {
  public:
   TiltModel(const config::World& world, const Drive& drive, std::uint64_t seed);
 
-  /// Longitudinal (nose up positive) and lateral (left up positive) reading in radians; the same for the same instant.
+  /// Longitudinal (nose up positive) and lateral (left up positive) reading in radians; the same for the same instant
+  /// and noise number.
   [[nodiscard]] std::array<double, 2> readings_rad(Time t, std::uint64_t noise_number) const;
   /// The true biases drawn for this run, longitudinal and lateral, as sines.
   [[nodiscard]] const std::array<double, 2>& biases() const { return bias_; }

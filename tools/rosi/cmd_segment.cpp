@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "mapping/segmenter.hpp"
+#include "mapping/view_reducer.hpp"
 #include "tools/rosi/common.hpp"
 #include "tools/rosi/drawing.hpp"
 #include "tools/rosi/log_images.hpp"
@@ -77,14 +77,17 @@ Result<void> write_pictures(const SegmentOptions& options, const Input& input, c
 }
 
 ExitCode run(const SegmentOptions& options) {
-  const auto input = load(options);
+  auto input = load(options);
   if (!input) { return fail("segment", input.error()); }
-  mapping::Segmenter segmenter(input->config.mapping.segmenter, input->config.calibration);
+  // A view of a log goes the way it goes in rosid, its motion corrected; a scan by others has none.
+  mapping::ViewReducer reducer(input->config.mapping.segmenter, input->config.calibration);
+  const mapping::RangeImage original = input->image;
   mapping::SurfaceView view;
   std::vector<double> times_ms;
   for (int k = 0; k < options.repeat; ++k) {
+    input->image = original;
     const auto start = std::chrono::steady_clock::now();
-    view = segmenter.segment(input->image);
+    view = reducer.reduce(input->image);
     times_ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
   }
   nlohmann::json report = describe_view(input->image, view);

@@ -36,8 +36,8 @@ VehicleSimulator::VehicleSimulator(const EstimatorConfig& config, const Calibrat
   scale_left_ = normal(calibration.wheel_scale_sigma);
   scale_right_ = normal(calibration.wheel_scale_sigma);
   tilt_bias_ = Vec2(normal(calibration.tilt_zero_sigma_rad), normal(calibration.tilt_zero_sigma_rad));
-  X_GV_.q = quaternion_from({.yaw_rad = 0.0, .pitch_rad = normal(0.02), .roll_rad = normal(0.02)});
-  lagged_ = (X_GV_.q.conjugate() * Vec3::UnitZ()).head<2>();
+  true_pose_.q = quaternion_from({.yaw_rad = 0.0, .pitch_rad = normal(0.02), .roll_rad = normal(0.02)});
+  lagged_ = (true_pose_.q.conjugate() * Vec3::UnitZ()).head<2>();
 }
 
 void VehicleSimulator::fine_step() {
@@ -64,12 +64,12 @@ void VehicleSimulator::fine_step() {
   const Vec3 step(0.5 * (left + right), normal(config_.lateral_sigma_m_per_sqrt_m * std::sqrt(travel)),
                   normal(config_.vertical_sigma_m_per_sqrt_m * std::sqrt(travel)));
   const Vec3 change(normal(slope), normal(slope), normal(heading));
-  X_GV_.p += X_GV_.q * (so3_exp(Vec3(0.0, 0.0, 0.5 * turn)) * step);
-  X_GV_.q = X_GV_.q * so3_exp(Vec3(0.0, 0.0, turn)) * so3_exp(change);
-  X_GV_.q.normalize();
+  true_pose_.p += true_pose_.q * (so3_exp(Vec3(0.0, 0.0, 0.5 * turn)) * step);
+  true_pose_.q = true_pose_.q * so3_exp(Vec3(0.0, 0.0, turn)) * so3_exp(change);
+  true_pose_.q.normalize();
 
   const double acceleration = (drive_.speed_mps(t + kFine_s) - drive_.speed_mps(t - kFine_s)) / (2.0 * kFine_s);
-  const Vec2 felt = (X_GV_.q.conjugate() * Vec3::UnitZ()).head<2>() + Vec2(acceleration, v * w) / kGravity_mps2;
+  const Vec2 felt = (true_pose_.q.conjugate() * Vec3::UnitZ()).head<2>() + Vec2(acceleration, v * w) / kGravity_mps2;
   const double keep = calibration_.tilt_lag_s > 0.0 ? std::exp(-kFine_s / calibration_.tilt_lag_s) : 0.0;
   lagged_ = keep * lagged_ + (1.0 - keep) * felt;
   ++fine_steps_;

@@ -33,10 +33,10 @@ class VehicleSimulator {
   /// Runs to the next tick of the filter (50 ms): returns its time, samples are pushed on the way.
   Time run_tick(Ekf& ekf);
 
-  /// Truth at the last tick.
-  /// In the W of the filter, whose vertical is the one the biased inclinometer showed at the start.
+  /// Truth at the last tick, in the W of the filter, whose vertical is the one the biased inclinometer showed at the
+  /// start.
   [[nodiscard]] RigidTransform X_WV() const {
-    return RigidTransform{so3_exp(Vec3(tilt_bias_(1), -tilt_bias_(0), 0.0)), Vec3::Zero()} * X_GV_;
+    return RigidTransform{so3_exp(Vec3(tilt_bias_(1), -tilt_bias_(0), 0.0)), Vec3::Zero()} * true_pose_;
   }
   [[nodiscard]] double t_s() const { return 0.005 * static_cast<double>(fine_steps_); }
   std::mt19937_64& random() { return random_; }
@@ -57,7 +57,7 @@ class VehicleSimulator {
   std::mt19937_64 random_;
   std::normal_distribution<double> gauss_;
   std::int64_t fine_steps_ = 0;
-  RigidTransform X_GV_;  ///< in a frame with the true vertical
+  RigidTransform true_pose_;  ///< in a frame with the true vertical
   double left_m_ = 0.0;
   double right_m_ = 0.0;
   double scale_left_;

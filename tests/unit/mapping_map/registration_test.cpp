@@ -134,6 +134,7 @@ TEST(Registration, MotionInTheViewIsEstimatedAlongWithThePose) {
   double nees_ignorant = 0.0;
   double before = 0.0;
   double after = 0.0;
+  double normalised = 0.0;
   for (int k = 0; k < kRuns; ++k) {
     std::vector<PlanePair> pairs = observe(room_planes(), plane_covariance(0.5), plane_covariance(0.5), random);
     Eigen::VectorXd variables(kVariables);
@@ -155,7 +156,9 @@ TEST(Registration, MotionInTheViewIsEstimatedAlongWithThePose) {
     const Vec6 error = local_difference(result.X_WV, kTruth);
     nees += error.dot(result.information_border * error) / kRuns;
     before += variables.squaredNorm() / kRuns;
-    after += (result.motion + variables).squaredNorm() / kRuns;
+    const Eigen::VectorXd left = result.motion + variables;
+    after += left.squaredNorm() / kRuns;
+    normalised += left.dot(result.motion_covariance.ldlt().solve(left)) / kRuns;
     for (PlanePair& pair : pairs) { pair.motion.resize(3, 0); }
     const Registration ignorant = run(pairs, prior);
     const Vec6 other = local_difference(ignorant.X_WV, kTruth);
@@ -165,6 +168,7 @@ TEST(Registration, MotionInTheViewIsEstimatedAlongWithThePose) {
   EXPECT_LT(nees, 6.84);
   EXPECT_GT(nees_ignorant, 6.84) << "errors in common are taken for independent ones";
   EXPECT_LT(after, 0.85 * before) << "the map's planes tell how the vehicle moved";
+  EXPECT_NEAR(normalised, kVariables, 1.0);
 }
 
 TEST(Registration, ThePriorIsNotPartOfTheFix) {
