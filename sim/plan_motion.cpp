@@ -148,8 +148,8 @@ void PlanMotion::drive_legs(const std::vector<Leg>& legs) {
   std::vector<Leg> part;
   Vec2 position(now_.x_m, now_.y_m);
   double heading = now_.heading_rad;
-  for (std::size_t i = 0; i < legs.size(); ++i) {
-    const Vec2 direction = legs[i].to - position;
+  for (const Leg& leg : legs) {
+    const Vec2 direction = leg.to - position;
     const double bearing = std::atan2(direction.y(), direction.x());
     const bool stops =
         part.empty() || part.back().corner_m <= 0.0 || std::abs(wrap_to_pi(bearing - heading)) > kSharpestCorner_rad;
@@ -157,8 +157,8 @@ void PlanMotion::drive_legs(const std::vector<Leg>& legs) {
       run(std::exchange(part, {}));
       turn(wrap_to_pi(bearing - now_.heading_rad), config_.turn_rate_radps);
     }
-    part.push_back(legs[i]);
-    position = legs[i].to;
+    part.push_back(leg);
+    position = leg.to;
     heading = bearing;
   }
   run(part);

@@ -60,18 +60,20 @@ Vec3 direction_of(const RTCRay& ray) {
 
 void cylinder_intersect(const RTCIntersectFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) { return; }  // only single rays are cast
-  auto& ray_hit = *static_cast<RTCRayHit*>(static_cast<void*>(args->rayhit));
+  RTCRayN* rays = RTCRayHitN_RayN(args->rayhit, args->N);
+  const RTCRay ray = rtcGetRayFromRayN(rays, args->N, 0);
   const CylinderPiece& cylinder = cylinder_at(args->geometryUserPtr, args->primID);
-  const auto hit = cast_cylinder(cylinder, origin_of(ray_hit.ray), direction_of(ray_hit.ray),
-                                 static_cast<double>(ray_hit.ray.tnear), static_cast<double>(ray_hit.ray.tfar));
+  const auto hit = cast_cylinder(cylinder, origin_of(ray), direction_of(ray), static_cast<double>(ray.tnear),
+                                 static_cast<double>(ray.tfar));
   if (!hit) { return; }
-  ray_hit.ray.tfar = static_cast<float>(hit->range_m);
-  ray_hit.hit.Ng_x = static_cast<float>(hit->n_W.x());
-  ray_hit.hit.Ng_y = static_cast<float>(hit->n_W.y());
-  ray_hit.hit.Ng_z = static_cast<float>(hit->n_W.z());
-  ray_hit.hit.geomID = args->geomID;
-  ray_hit.hit.primID = args->primID;
-  ray_hit.hit.instID[0] = args->context->instID[0];
+  RTCRayN_tfar(rays, args->N, 0) = static_cast<float>(hit->range_m);
+  RTCHitN* hits = RTCRayHitN_HitN(args->rayhit, args->N);
+  RTCHitN_Ng_x(hits, args->N, 0) = static_cast<float>(hit->n_W.x());
+  RTCHitN_Ng_y(hits, args->N, 0) = static_cast<float>(hit->n_W.y());
+  RTCHitN_Ng_z(hits, args->N, 0) = static_cast<float>(hit->n_W.z());
+  RTCHitN_geomID(hits, args->N, 0) = args->geomID;
+  RTCHitN_primID(hits, args->N, 0) = args->primID;
+  RTCHitN_instID(hits, args->N, 0, 0) = args->context->instID[0];
 }
 
 void attach(RTCDevice device, RTCScene scene, RTCGeometry geometry, unsigned id) {
@@ -85,7 +87,7 @@ void intersect(RTCScene scene, RTCRayHit& ray_hit) {
 #if RTC_VERSION_MAJOR >= 4
   rtcIntersect1(scene, &ray_hit, nullptr);
 #else
-  RTCIntersectContext context;
+  RTCIntersectContext context{};
   rtcInitIntersectContext(&context);
   rtcIntersect1(scene, &context, &ray_hit);
 #endif
