@@ -20,17 +20,19 @@ void EstimatorThread::stop(Time t_stop) noexcept {
   stop_ns_.store(to_ns(t_stop), std::memory_order_release);
 }
 
-void EstimatorThread::wait_for_input() noexcept {
+bool EstimatorThread::wait_for_input() noexcept {
   const std::int64_t due_ns = to_ns(stage_.next_due());
   const Time give_up = stage_.next_due() + kPatience;
   while (channels_.io_progress_ns.load(std::memory_order_acquire) < due_ns) {
+    if (due_ns > stop_ns_.load(std::memory_order_acquire)) { return false; }
     const Time now = monotonic_now();
     if (now > give_up) {
       channels_.late_inputs.fetch_add(1, std::memory_order_relaxed);
-      return;
+      return true;
     }
     sleep_until(now + kPause);
   }
+  return true;
 }
 
 void EstimatorThread::take_fix() noexcept {
@@ -65,9 +67,8 @@ void EstimatorThread::run() noexcept {
     const Time due = stage_.next_due() + kMargin;
     const Time before = monotonic_now();
     if (before < due) { sleep_until(due); }
-    if (to_ns(stage_.next_due()) > stop_ns_.load(std::memory_order_acquire)) { return; }
     timer_.begin(due, monotonic_now());
-    wait_for_input();
+    if (!wait_for_input() || to_ns(stage_.next_due()) > stop_ns_.load(std::memory_order_acquire)) { return; }
     take_fix();
     take_samples();
     step();

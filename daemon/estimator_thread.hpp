@@ -24,7 +24,8 @@ class EstimatorThread {
   void stop(Time t_stop) noexcept;
 
  private:
-  void wait_for_input() noexcept;
+  /// False: stopped, and this tick lies behind the end.
+  bool wait_for_input() noexcept;
   void take_fix() noexcept;
   void take_samples() noexcept;
   void step() noexcept;
