@@ -6,7 +6,7 @@ set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 
 find_program(CCACHE_PROGRAM ccache)
-if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER AND NOT ROSID_TIDY)
   # Precompiled headers need the sloppiness; see the ccache manual, "Precompiled headers".
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
 endif()
@@ -53,7 +53,6 @@ endif()
 if(ROSID_PCH)
   file(WRITE ${CMAKE_BINARY_DIR}/rosid_pch.cpp "")
   add_library(rosid_pch OBJECT ${CMAKE_BINARY_DIR}/rosid_pch.cpp)
-  set_target_properties(rosid_pch PROPERTIES CXX_CLANG_TIDY "")
   target_link_libraries(rosid_pch PRIVATE rosid_flags Eigen3::Eigen)
   target_precompile_headers(rosid_pch PRIVATE <Eigen/Dense> <algorithm> <array> <chrono> <cmath> <cstdint> <functional>
     <memory> <optional> <span> <string> <vector>)
