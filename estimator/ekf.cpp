@@ -99,6 +99,9 @@ struct Ekf::Impl {
   // The collector holds a pointer into this object.
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
+  Impl(Impl&&) = delete;
+  Impl& operator=(Impl&&) = delete;
+  ~Impl() = default;
 
   PoseEstimate step(Time t);
   void push_fix(const SurfaceFix& fix);

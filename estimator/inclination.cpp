@@ -82,8 +82,8 @@ TiltUpdate update_tilt(FilterState& state, const TickInput& input, const Vec2& l
 
   const double acceleration = input.acceleration_sigma_mps2 / kGravity_mps2;
   double r = reading_sigma * reading_sigma / std::max(1, input.tilt_count) + acceleration * acceleration;
-  TiltGain PHt = state.P * H.transpose();
-  Mat2 S = H * PHt + r * Mat2::Identity();
+  TiltGain P_Ht = state.P * H.transpose();
+  Mat2 S = H * P_Ht + r * Mat2::Identity();
   update.nis = update.innovation.dot(S.inverse() * update.innovation);
   update.variance = S.diagonal();
   update.test_ratio = update.nis / chi_square_999(2);
@@ -106,9 +106,9 @@ TiltUpdate update_tilt(FilterState& state, const TickInput& input, const Vec2& l
   state.tilt_rejections = 0;
   state.tilt_readings += static_cast<std::uint32_t>(input.tilt_count);
 
-  PHt = state.P * H.transpose();
-  S = H * PHt + r * Mat2::Identity();
-  TiltGain K = PHt * S.inverse();
+  P_Ht = state.P * H.transpose();
+  S = H * P_Ht + r * Mat2::Identity();
+  TiltGain K = P_Ht * S.inverse();
   const Vec3 up = up_in_V(state.nominal);
   const Mat3 about_horizontal = Mat3::Identity() - up * up.transpose();
   K.middleRows<3>(kPosition).setZero();

@@ -71,16 +71,16 @@ PlanarStep planar_step(const Vec2& distances_m, double track_m) {
   // A = sin/turn and B = (1-cos)/turn with their derivatives; series where the quotients lose digits.
   double A = 1.0 - turn * turn / 6.0;
   double B = 0.5 * turn;
-  double dA = -turn / 3.0;
-  double dB = 0.5 - turn * turn / 8.0;
+  double d_A = -turn / 3.0;
+  double d_B = 0.5 - turn * turn / 8.0;
   if (std::abs(turn) >= 1e-4) {
     A = std::sin(turn) / turn;
     B = (1.0 - std::cos(turn)) / turn;
-    dA = (std::cos(turn) - A) / turn;
-    dB = (std::sin(turn) - B) / turn;
+    d_A = (std::cos(turn) - A) / turn;
+    d_B = (std::sin(turn) - B) / turn;
   }
   const Vec3 a(A, B, 0.0);
-  const Vec3 da = distance_m * Vec3(dA, dB, 0.0);
+  const Vec3 da = distance_m * Vec3(d_A, d_B, 0.0);
   step.turn_rad = turn;
   step.delta_V = distance_m * a;
   step.delta_by_left = 0.5 * a - da / track_m;

@@ -114,9 +114,11 @@ std::optional<Whitened> whiten(const StateMatrix& P, const ObservedPart& part, c
   Whitened w;
   w.variances = eigen.eigenvalues().cwiseMax(1e-15);
   w.correlated = V.transpose() * whiten_both(part.correlated) * V;
+  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization): solveInPlace takes it as const and changes it
   VecX6 m = innovation;
   factor.matrixL().solveInPlace(m);
   w.innovation = V.transpose() * m;
+  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization): solveInPlace takes it as const and changes it
   MatX6 axes = V;
   factor.matrixU().solveInPlace(axes);
   w.spread = P.leftCols<6>() * (part.U * axes);

@@ -1,6 +1,7 @@
 #include "mapping/boundary.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace rosid::mapping {
@@ -65,7 +66,7 @@ BoundaryTracer::Ray BoundaryTracer::ray(int i, int j) const {
   return result;
 }
 
-double BoundaryTracer::range_to(const Plane& plane, const Ray& ray) const {
+double BoundaryTracer::range_to(const Plane& plane, const Ray& ray) {
   const double cosine = plane.normal.dot(ray.direction);
   if (cosine > -kGrazing) { return -1.0; }
   return plane.normal.dot(plane.centroid - ray.origin) / cosine;
@@ -75,8 +76,9 @@ Vec2 BoundaryTracer::corner(const State& s) const {
   const Plane& plane = planes_[static_cast<std::size_t>(label_)];
   const int ahead_i = -s.side_j * s.handed;
   const int ahead_j = s.side_i * s.handed;
-  const Ray rays[4] = {ray(s.i, s.j), ray(s.i + s.side_i, s.j + s.side_j), ray(s.i + ahead_i, s.j + ahead_j),
-                       ray(s.i + s.side_i + ahead_i, s.j + s.side_j + ahead_j)};
+  const std::array<Ray, 4> rays = {ray(s.i, s.j), ray(s.i + s.side_i, s.j + s.side_j),
+                                   ray(s.i + ahead_i, s.j + ahead_j),
+                                   ray(s.i + s.side_i + ahead_i, s.j + s.side_j + ahead_j)};
   Ray mean;
   for (const Ray& r : rays) {
     mean.origin += 0.25 * r.origin;
@@ -88,7 +90,7 @@ Vec2 BoundaryTracer::corner(const State& s) const {
   const Vec3 own = own_range > 0.0
                        ? Vec3(rays[0].origin + own_range * rays[0].direction)
                        : (frame_.is_valid(k) ? Vec3(frame_.point(k) + frame_.image().sensor_V) : plane.centroid);
-  const Vec2 own_2d = plane.to_plane(own);
+  Vec2 own_2d = plane.to_plane(own);
   const double range = range_to(plane, mean);
   if (range <= 0.0 || !std::isfinite(range)) { return own_2d; }
   const Vec2 corner_2d = plane.to_plane(mean.origin + range * mean.direction);
@@ -198,7 +200,7 @@ std::vector<CrackRing> BoundaryTracer::trace(std::int32_t label, const std::vect
   visited_.resize(frame_.image().size(), 0);
   label_ = label;
   std::vector<CrackRing> rings;
-  constexpr int kSides[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+  constexpr std::array<std::array<int, 2>, 4> kSides{{{-1, 0}, {1, 0}, {0, -1}, {0, 1}}};
   for (const std::size_t k : pixels) {
     for (const auto& side : kSides) {
       const State state{frame_.line_of(k), frame_.column_of(k), side[0], side[1], 1};

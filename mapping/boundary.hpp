@@ -66,7 +66,7 @@ class BoundaryTracer {
   Vec2 corner(const State& state) const;
   Beyond look_beyond(const State& state) const;
   Beyond compare(const State& state, int steps, std::size_t other) const;
-  double range_to(const Plane& plane, const Ray& ray) const;
+  static double range_to(const Plane& plane, const Ray& ray);
   double footprint(std::size_t k) const;
   CrackRing follow(const State& start);
   std::uint8_t& visited(const State& state);

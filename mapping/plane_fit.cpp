@@ -208,7 +208,7 @@ Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return time_from_ref(a) < time_from_ref(b); });
   const auto first_after = std::find_if(order.begin(), order.end(), [&](int i) { return time_from_ref(i) >= 0; });
   Mat3 sum = Mat3::Zero();
-  const auto walk = [&](auto begin, auto end) {  // from the far end towards t_ref
+  const auto walk = [&](const auto& begin, const auto& end) {  // from the far end towards t_ref
     Mat36 beyond = Mat36::Zero();
     for (auto it = begin; it != end; ++it) {
       beyond += sensitivity[static_cast<std::size_t>(*it)];

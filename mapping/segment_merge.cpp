@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 #include <utility>
@@ -140,7 +141,7 @@ class SeedGrowth {
 std::vector<Edge> find_edges(const SegmentFrame& frame, const Labels& labels) {
   std::vector<Edge> edges;
   const RasterTopology& topology = frame.topology();
-  constexpr int kForward[4][2] = {{0, 1}, {1, -1}, {1, 0}, {1, 1}};
+  constexpr std::array<std::array<int, 2>, 4> kForward{{{0, 1}, {1, -1}, {1, 0}, {1, 1}}};
   for (int i = 0; i < topology.lines(); ++i) {
     for (int j = 0; j < topology.columns(); ++j) {
       const std::int32_t a = labels[topology.index(i, j)];

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "mapping/segment_regions.hpp"
@@ -118,10 +119,10 @@ bool Splitter::is_straight(const Node& node, const QuickPlane& plane, const Look
   // A shallow crease hides in the total but not in the quarters' means.
   const int i_middle = (node.i0 + node.i1) / 2;
   const int j_middle = (node.j0 + node.j1) / 2;
-  const Node quarters[4] = {{node.i0, i_middle, node.j0, j_middle},
-                            {node.i0, i_middle, j_middle, node.j1},
-                            {i_middle, node.i1, node.j0, j_middle},
-                            {i_middle, node.i1, j_middle, node.j1}};
+  const std::array<Node, 4> quarters{{{node.i0, i_middle, node.j0, j_middle},
+                                      {node.i0, i_middle, j_middle, node.j1},
+                                      {i_middle, node.i1, node.j0, j_middle},
+                                      {i_middle, node.i1, j_middle, node.j1}}};
   for (const Node& q : quarters) {
     if (q.height() < 1 || q.width() < 1) { continue; }
     const Moments m = frame_.moments().sum(q.i0, q.i1, q.j0, q.j1);

@@ -1,6 +1,7 @@
 #pragma once
 // Neighbourhood on a raster whose first and last line may be glued together, with or without a flip [maths 2.2].
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -77,7 +78,7 @@ class RasterTopology {
   /// Calls visit(index) for each of the up to four neighbours of (i, j), in a fixed order.
   template <typename Visitor>
   void for_each_neighbour4(int i, int j, Visitor&& visit) const {
-    constexpr int kSteps[4][2] = {{-1, 0}, {0, -1}, {0, 1}, {1, 0}};
+    constexpr std::array<std::array<int, 2>, 4> kSteps{{{-1, 0}, {0, -1}, {0, 1}, {1, 0}}};
     for (const auto& d : kSteps) {
       const RasterStep step = at(i + d[0], j + d[1]);
       if (step.is_inside) { visit(index(step.i, step.j)); }
