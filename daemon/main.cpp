@@ -49,7 +49,7 @@ int block_signals() {
   sigaddset(&stop, SIGTERM);
   sigaddset(&stop, SIGINT);
   sigaddset(&stop, SIGHUP);  // its terminal was closed
-  sigprocmask(SIG_BLOCK, &stop, nullptr);
+  static_cast<void>(pthread_sigmask(SIG_BLOCK, &stop, nullptr));
   static_cast<void>(std::signal(SIGPIPE, SIG_IGN));
   return signalfd(-1, &stop, SFD_CLOEXEC);
 }

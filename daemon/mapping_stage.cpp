@@ -78,10 +78,12 @@ const TrackedPose* MappingStage::emitted_at(Time t) const {
 std::optional<ViewResult> MappingStage::process() {
   try {
     for (;;) {
-      if (!pending_.has_value() && !fetch()) { return std::nullopt; }
+      if (!pending_.has_value()) { static_cast<void>(fetch()); }
+      if (!pending_.has_value()) { return std::nullopt; }
       const TrackedPose* known = known_for(*pending_);
       if (known == nullptr) { return std::nullopt; }
-      const Pending view = *std::exchange(pending_, std::nullopt);
+      const Pending view = std::move(*pending_);
+      pending_.reset();
       const TrackedPose* emitted = emitted_at(view.view->t_ref);
       if (emitted == nullptr) {
         ++counters_.failed;

@@ -165,13 +165,12 @@ Result<Opened> open_log(const std::filesystem::path& log, const ReplayOptions& o
   auto reader = msgs::LogReader::open(log);
   if (!reader) { return tl::unexpected(reader.error()); }
   const auto first = reader->next();
-  const auto* recorded = first.has_value() ? std::get_if<msgs::ConfigRecord>(&first->body) : nullptr;
-  if (recorded == nullptr) {
+  if (!first.has_value() || !std::holds_alternative<msgs::ConfigRecord>(first->body)) {
     return make_error(ErrorCode::Format,
                       fmt::format("{}: not a drive log: its first event is no RAW_CONFIG", log.string()));
   }
   if (options.config.has_value()) { return Opened{std::move(*reader), *options.config, first->t}; }
-  auto parsed = config::parse_rosid(recorded->toml, log.string() + " (RAW_CONFIG)");
+  auto parsed = config::parse_rosid(std::get<msgs::ConfigRecord>(first->body).toml, log.string() + " (RAW_CONFIG)");
   if (!parsed) {
     std::string message;
     for (const config::Issue& issue : parsed.error()) {

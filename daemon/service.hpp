@@ -25,12 +25,12 @@ class Heartbeat {
 /// Does nothing when the program was not started by a service manager. One thread.
 class ServiceNotifier {
  public:
-  void ready();
-  void stopping();
+  static void ready();
+  static void stopping();
   /// Shown by systemctl status; sent when it changed.
   void status(const std::string& text);
   /// Feeds the watchdog; call it only when everything is alive.
-  void alive();
+  static void alive();
 
  private:
   std::string status_;

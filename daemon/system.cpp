@@ -6,11 +6,11 @@
 #include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <ctime>
 #include <stdexcept>
 
 namespace rosid::daemon {
@@ -72,18 +72,18 @@ Wakeup::~Wakeup() {
   static_cast<void>(close(fd_));
 }
 
-void Wakeup::signal() noexcept {
+void Wakeup::signal() const noexcept {
   const std::uint64_t one = 1;
   // Fails only when the counter is full: then the reader wakes up anyway.
   [[maybe_unused]] const ssize_t written = write(fd_, &one, sizeof(one));
 }
 
-void Wakeup::clear() noexcept {
+void Wakeup::clear() const noexcept {
   std::uint64_t count = 0;
   [[maybe_unused]] const ssize_t got = read(fd_, &count, sizeof(count));
 }
 
-void Wakeup::wait(Duration timeout) noexcept {
+void Wakeup::wait(Duration timeout) const noexcept {
   pollfd entry{fd_, POLLIN, 0};
   const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(timeout).count();
   static_cast<void>(poll(&entry, 1, static_cast<int>(ms)));

@@ -33,11 +33,11 @@ class Wakeup {
   Wakeup& operator=(Wakeup&&) = delete;
 
   /// Any thread, also a real-time one: never blocks.
-  void signal() noexcept;
+  void signal() const noexcept;
   /// Takes all signals so far.
-  void clear() noexcept;
+  void clear() const noexcept;
   /// Waits for a signal or the time-out, and takes it.
-  void wait(Duration timeout) noexcept;
+  void wait(Duration timeout) const noexcept;
   int fd() const { return fd_; }
 
  private:

@@ -49,6 +49,8 @@ class LogWriter {
  public:
   /// Creates or replaces the file.
   static Result<LogWriter> create(const std::filesystem::path& path);
+  LogWriter(const LogWriter&) = delete;
+  LogWriter& operator=(const LogWriter&) = delete;
   LogWriter(LogWriter&&) noexcept;
   LogWriter& operator=(LogWriter&&) noexcept;
   ~LogWriter();
@@ -67,6 +69,8 @@ class LogWriter {
 class LogReader {
  public:
   static Result<LogReader> open(const std::filesystem::path& path);
+  LogReader(const LogReader&) = delete;
+  LogReader& operator=(const LogReader&) = delete;
   LogReader(LogReader&&) noexcept;
   LogReader& operator=(LogReader&&) noexcept;
   ~LogReader();

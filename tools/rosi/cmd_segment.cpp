@@ -2,11 +2,13 @@
 
 #include <fmt/core.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -72,6 +74,7 @@ Result<void> write_pictures(const SegmentOptions& options, const Input& input, c
   }
   if (options.gltf.empty()) { return {}; }
   std::vector<const mapping::Patch*> patches;
+  patches.reserve(view.patches.size());
   for (const mapping::Patch& patch : view.patches) { patches.push_back(&patch); }
   return write_file(options.gltf, to_gltf(patches));
 }

@@ -4,6 +4,7 @@
 #include <pthread.h>
 #include <sched.h>
 
+#include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
 #include <cstdint>

@@ -1,18 +1,21 @@
 #pragma once
 // What all rosi commands share: exit codes, messages and small file helpers.
 
-#include <CLI/CLI.hpp>
+#include <cstdint>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
 #include "base/result.hpp"
 
+namespace CLI {
+class App;
+}  // namespace CLI
+
 namespace rosid::rosi {
 
 /// Exit codes follow sysexits.h, as rosid's own do.
-enum class ExitCode : int {
+enum class ExitCode : std::uint8_t {
   Ok = 0,
   Usage = 64,
   DataError = 65,

@@ -74,6 +74,12 @@ void stroke_line(RgbImage& image, const Eigen::Vector2d& a, const Eigen::Vector2
   }
 }
 
+/// Place of colour c of a pixel in RgbImage::rgb.
+[[nodiscard]] std::size_t byte_index(const RgbImage& image, int x, int y, int c) {
+  const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x);
+  return pixel * 3 + static_cast<std::size_t>(c);
+}
+
 RgbImage downsample(const RgbImage& fine, int factor) {
   RgbImage image(fine.width / factor, fine.height / factor, {});
   for (int y = 0; y < image.height; ++y) {
@@ -83,10 +89,9 @@ RgbImage downsample(const RgbImage& fine, int factor) {
         for (int k = 0; k < factor * factor; ++k) {
           const int fx = x * factor + k % factor;
           const int fy = y * factor + k / factor;
-          sum += fine.rgb[static_cast<std::size_t>((fy * fine.width + fx) * 3 + c)];
+          sum += fine.rgb[byte_index(fine, fx, fy, c)];
         }
-        image.rgb[static_cast<std::size_t>((y * image.width + x) * 3 + c)] =
-            static_cast<std::uint8_t>(sum / (factor * factor));
+        image.rgb[byte_index(image, x, y, c)] = static_cast<std::uint8_t>(sum / (factor * factor));
       }
     }
   }
@@ -126,8 +131,7 @@ void RgbImage::set(int x, int y, Colour colour) {
 
 void RgbImage::blend(int x, int y, Colour colour, double alpha) {
   if (x < 0 || y < 0 || x >= width || y >= height) { return; }
-  const std::size_t k =
-      (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) * 3;
+  const std::size_t k = byte_index(*this, x, y, 0);
   const auto mix = [alpha](std::uint8_t below, std::uint8_t above) {
     return static_cast<std::uint8_t>(std::lround((1.0 - alpha) * below + alpha * above));
   };
@@ -231,7 +235,7 @@ RgbImage Canvas::to_image(int width_px) const {
     std::vector<Ring2> rings;
     for (const Polyline& ring : shape.rings) {
       Ring2& pixels = rings.emplace_back();
-      for (const auto& p : ring) { pixels.push_back(view.to_pixel(p) * kSupersample); }
+      for (const auto& p : ring) { pixels.emplace_back(view.to_pixel(p) * kSupersample); }
     }
     if (shape.is_closed) { fill_rings(fine, rings, shape.fill, shape.opacity); }
     for (const Ring2& ring : rings) {

@@ -10,7 +10,9 @@
 
 #include "tools/rosi/common.hpp"
 
-int main(int argc, char** argv) {
+namespace {
+
+int run(int argc, char** argv) {
   using rosid::rosi::ExitCode;
   CLI::App app{"rosi: companion of the rosid mapping daemon"};
   app.require_subcommand(1);
@@ -43,4 +45,16 @@ int main(int argc, char** argv) {
     return static_cast<int>(ExitCode::Internal);
   }
   return static_cast<int>(state.exit_code);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (...) {
+    // Even the report of a failure failed: nothing that could throw again.
+    static_cast<void>(std::fputs("rosi: internal error\n", stderr));
+    return static_cast<int>(rosid::rosi::ExitCode::Internal);
+  }
 }

@@ -62,8 +62,12 @@ Box2 bounds(const mapping::Patch& patch) {
 
 void sample_patch(const mapping::Patch& patch, std::vector<Sample>& samples) {
   const Box2 box = bounds(patch);
-  for (double y = box.low.y() + 0.5 * kSampleSpacing_m; y < box.high.y(); y += kSampleSpacing_m) {
-    for (double x = box.low.x() + 0.5 * kSampleSpacing_m; x < box.high.x(); x += kSampleSpacing_m) {
+  if (!(box.high - box.low).allFinite()) { return; }
+  const Eigen::Vector2i count = ((box.high - box.low) / kSampleSpacing_m).array().round().cwiseMax(0.0).cast<int>();
+  for (int row = 0; row < count.y(); ++row) {
+    const double y = box.low.y() + (row + 0.5) * kSampleSpacing_m;
+    for (int column = 0; column < count.x(); ++column) {
+      const double x = box.low.x() + (column + 0.5) * kSampleSpacing_m;
       if (contains(patch, {x, y})) { samples.push_back({patch.plane.from_plane({x, y}), patch.plane.normal}); }
     }
   }
@@ -157,11 +161,16 @@ using CellKey = std::tuple<std::uint32_t, int, int, int>;
 std::vector<VisibleCell> visible_cells(const std::vector<RigidTransform>& sensor_poses, double half_opening_rad,
                                        double max_range_m, const CastRay& cast) {
   constexpr double kStep_rad = rad_from_deg(1.0);
+  constexpr int kTurns = 120;
+  // The small share lets the last beam lie on the edge in spite of rounding.
+  const int beams = static_cast<int>(std::floor(2.0 * half_opening_rad / kStep_rad + 1e-9));
   std::vector<std::pair<CellKey, VisibleCell>> cells;
   const auto cell_index = [](double v) { return static_cast<int>(std::floor(v / kVisibleCell_m)); };
   for (const RigidTransform& X : sensor_poses) {
-    for (double psi = -half_opening_rad; psi <= half_opening_rad; psi += kStep_rad) {
-      for (double u = 0.0; u < kPi; u += 1.5 * kStep_rad) {
+    for (int beam = 0; beam <= beams; ++beam) {
+      const double psi = -half_opening_rad + beam * kStep_rad;
+      for (int turn = 0; turn < kTurns; ++turn) {
+        const double u = kPi * turn / kTurns;
         const Vec3 ray = X.q * Vec3(std::sin(psi) * std::cos(u), std::sin(psi) * std::sin(u), std::cos(psi));
         const auto hit = cast(X.p, ray, max_range_m);
         if (!hit || -hit->normal.dot(ray) < std::cos(kIncidenceMax_rad)) { continue; }

@@ -2,7 +2,7 @@
 // Files of a run (rosi replay, or the state directory of rosid) and of a simulated drive (rosi sim).
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 
 #include "base/result.hpp"

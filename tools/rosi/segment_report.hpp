@@ -1,7 +1,7 @@
 #pragma once
 // What a segmentation found, as figures and as pictures.
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include "mapping/patch.hpp"
 #include "mapping/range_image.hpp"

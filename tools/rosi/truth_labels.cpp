@@ -57,7 +57,7 @@ Result<void> write_truth_labels(const std::filesystem::path& log, const Calibrat
   if (auto made = make_directory(folder); !made) { return made; }
   nlohmann::json index = {{"views", nlohmann::json::array()}, {"surfaces", describe_surfaces(plant.scene())}};
   Result<void> outcome;
-  const auto read = for_each_image(log, [&](const mapping::RangeImage& image) {
+  auto read = for_each_image(log, [&](const mapping::RangeImage& image) {
     const std::string name = fmt::format("view_{:04d}.u16", image.view_id);
     outcome = write_file(folder / name, label_bytes(image, calibration, plant, drive_start));
     index["views"].push_back({{"view", image.view_id},
