@@ -30,8 +30,9 @@ class Scene {
 
   /// First surface along the ray; direction must be of unit length. Exact to rounding in double precision: the search
   /// runs in single precision, range and normal are then computed from the surface's own equation. Cost: about 0.3 us.
-  [[nodiscard]] std::optional<RayHit> cast(const Vec3& origin_W, const Vec3& direction_W,
-                                           double max_range_m = std::numeric_limits<float>::max()) const;
+  [[nodiscard]] std::optional<RayHit> cast(
+      const Vec3& origin_W, const Vec3& direction_W,
+      double max_range_m = static_cast<double>(std::numeric_limits<float>::max())) const;
 
   [[nodiscard]] const SceneGeometry& geometry() const;
   /// All true surfaces; that with id k is at index k - 1.
