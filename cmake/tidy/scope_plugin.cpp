@@ -2,8 +2,8 @@
 // it every check visits all of Eigen, Boost and the standard library for every source file, which costs twenty seconds
 // a file and finds nothing that would be shown. It is a saving of time only: the same findings come out without it.
 //
-// Built by cmake/rosid_tidy.cmake, loaded by cmake/tidy/check_source.sh. clang runs plugin actions of the kind used here
-// before its main action, so the scope is set when the first check starts.
+// Built by cmake/rosid_tidy.cmake, loaded by cmake/tidy/check_source.sh. clang runs plugin actions of the kind used
+// here before its main action, so the scope is set when the first check starts.
 
 #include <clang/AST/ASTConsumer.h>
 #include <clang/AST/ASTContext.h>
