@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <string>
 
 #include "config/loader.hpp"
@@ -62,7 +63,10 @@ int run(const Arguments& arguments, int stop_fd) {
     }
     return kExitConfig;
   }
-  if (!arguments.state_directory.empty()) { config->output.state_directory = arguments.state_directory; }
+  if (!arguments.state_directory.empty()) {
+    // Absolute, so that the configuration in the log means the same wherever it is read.
+    config->output.state_directory = std::filesystem::absolute(arguments.state_directory).string();
+  }
   if (arguments.print_config) {
     fmt::print("{}", rosid::config::to_toml(*config));
     return EXIT_SUCCESS;

@@ -97,6 +97,10 @@ Result<SerialPort> SerialPort::open(const std::string& path, int baud) {
   return port;
 }
 
+void SerialPort::give_back() const {
+  if (fd_.is_open()) { static_cast<void>(::ioctl(fd_.get(), TIOCNXCL)); }
+}
+
 Result<void> SerialPort::set_baud(int baud) {
   termios2 settings{};
   if (::ioctl(fd_.get(), TCGETS2, &settings) != 0) { return make_error(ErrorCode::Io, errno_text(errno)); }

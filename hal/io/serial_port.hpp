@@ -24,6 +24,18 @@ class SerialPort {
  public:
   /// Errors name the path and what to do: NotFound, PermissionDenied, Busy, InvalidArgument (no terminal), Io.
   static Result<SerialPort> open(const std::string& path, int baud);
+  /// Exclusive mode belongs to the terminal, not to the descriptor: where somebody else keeps the terminal open (a
+  /// pseudo-terminal's owner), it would outlive this program and lock the next one out.
+  ~SerialPort() { give_back(); }
+  SerialPort(SerialPort&& other) noexcept = default;
+  SerialPort& operator=(SerialPort&& other) noexcept {
+    give_back();
+    fd_ = std::move(other.fd_);
+    baud_ = other.baud_;
+    return *this;
+  }
+  SerialPort(const SerialPort&) = delete;
+  SerialPort& operator=(const SerialPort&) = delete;
 
   /// At once, for both directions; wait for unsent() == 0 first.
   Result<void> set_baud(int baud);
@@ -36,6 +48,7 @@ class SerialPort {
 
  private:
   explicit SerialPort(UniqueFd fd) : fd_(std::move(fd)) {}
+  void give_back() const;
 
   UniqueFd fd_;
   int baud_ = 0;

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -120,8 +121,9 @@ Result<nlohmann::json> evaluate(const EvalOptions& options) {
 
 void print_table(const nlohmann::json& r) {
   const auto row = [&](const char* name, const char* key, const char* unit, double scale, int digits) {
-    fmt::print("  {:<34}{:>10.{}f} {}\n", name, r.at(key).is_null() ? 0.0 : r.at(key).get<double>() * scale, digits,
-               unit);
+    const double value = r.at(key).is_null() ? std::nan("") : r.at(key).get<double>();
+    const std::string figure = std::isfinite(value) ? fmt::format("{:.{}f}", value * scale, digits) : "-";
+    fmt::print("  {:<34}{:>10} {}\n", name, figure, unit);
   };
   row("distance", "distance_m", "m", 1.0, 2);
   row("position error, mean", "position_mean_m", "cm", 100.0, 2);
@@ -131,6 +133,8 @@ void print_table(const nlohmann::json& r) {
   row("relative error over 10 m", "rpe_percent", "%", 1.0, 2);
   row("wheels alone, position rms", "odometry_position_rmse_m", "cm", 100.0, 2);
   row("NEES (6 dof)", "nees_mean", "", 1.0, 2);
+  row("  95 % band, from", "nees_low", "", 1.0, 2);
+  row("  to", "nees_high", "", 1.0, 2);
   row("views", "views", "", 1.0, 0);
   row("patches in the map", "patches", "", 1.0, 0);
   row("map area", "map_area_m2", "m2", 1.0, 1);

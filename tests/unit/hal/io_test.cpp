@@ -85,6 +85,23 @@ TEST(SerialPortTest, IsHeldByOneProgramAtATime) {
   EXPECT_EQ(second.error().code, ErrorCode::Busy);
 }
 
+TEST(SerialPortTest, IsGivenBackEvenWhenSomebodyElseKeepsTheTerminalOpen) {
+  PtyPair pty;
+  const UniqueFd keeper(::open(pty.path().c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+  ASSERT_TRUE(keeper.is_open());
+  const auto is_exclusive = [&keeper] {
+    int exclusive = -1;
+    EXPECT_EQ(::ioctl(keeper.get(), TIOCGEXCL, &exclusive), 0);
+    return exclusive != 0;
+  };
+  {
+    const auto port = SerialPort::open(pty.path(), 9600);
+    ASSERT_TRUE(port);
+    EXPECT_TRUE(is_exclusive());
+  }
+  EXPECT_FALSE(is_exclusive());
+}
+
 TEST(SerialPortTest, ReportsAnUnpluggedAdapter) {
   PtyPair pty;
   auto port = SerialPort::open(pty.path(), 9600);
