@@ -239,13 +239,13 @@ void MotionRefiner::Impl::accumulate(const Surface& surface, const RangeImage& i
     const Mat64 TM = surface.twist * M;
     const Mat6 TT = TM * surface.twist.transpose();
     const Mat63 TP = TM * surface.plane.transpose();
-    const Vec6 Td = TM * surface.distance;
+    const Vec6 of_distance = TM * surface.distance;
     information.block<6, 6>(at, at) += a * a * TT;
     information.block<6, 6>(at, at + 6) += a * b * TT;
     information.block<6, 6>(at + 6, at) += a * b * TT;
     information.block<6, 6>(at + 6, at + 6) += b * b * TT;
-    gradient.segment<6>(at) += a * Td;
-    gradient.segment<6>(at + 6) += b * Td;
+    gradient.segment<6>(at) += a * of_distance;
+    gradient.segment<6>(at + 6) += b * of_distance;
     cross.middleRows<6>(at) += a * TP;
     cross.middleRows<6>(at + 6) += b * TP;
     own += surface.plane * M * surface.plane.transpose();

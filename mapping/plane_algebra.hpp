@@ -61,7 +61,8 @@ struct PlaneSource {
   Plane plane;
   Mat6 inherited = Mat6::Zero();
   double area_m2 = 0.0;
-  MotionResponse motion = {};  ///< see Patch
+  /// See Patch. The initialiser lets aggregates leave it out without g++ warning.
+  MotionResponse motion = {};  // NOLINT(readability-redundant-member-init)
 };
 
 /// Both planes united about their common centroid: independent noise by information, the inherited parts by split

@@ -30,7 +30,8 @@ struct PlanePair {
   Plane map_W;
   Mat6 inherited = Mat6::Zero();  ///< pose error behind the map plane, left about the origin of W
   bool was_used = false;          ///< an earlier fix contains the map plane's own error already
-  MotionResponse motion = {};     ///< of view_V, see Patch; the same number of columns in all pairs of a view
+  /// Of view_V, see Patch; the same number of columns in all pairs of a view.
+  MotionResponse motion = {};  // NOLINT(readability-redundant-member-init)
 };
 
 /// Residual and Jacobian (3.16)-(3.18) of one pair; covariances are in residual space.

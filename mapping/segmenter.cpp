@@ -98,6 +98,7 @@ void Segmenter::Impl::label_patches(SurfaceView& view) {
 
 void Segmenter::Impl::outline_patches(SurfaceView& view) {
   std::vector<Plane> planes;
+  planes.reserve(view.patches.size());
   for (const Patch& patch : view.patches) { planes.push_back(patch.plane); }
   fill_small_holes(frame, planes, labels);
   BoundaryTracer tracer(frame, labels, planes);
