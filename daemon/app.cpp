@@ -13,6 +13,7 @@
 #include "daemon/io_thread.hpp"
 #include "daemon/mapping_thread.hpp"
 #include "daemon/output_loop.hpp"
+#include "daemon/service.hpp"
 #include "daemon/system.hpp"
 #include "daemon/version.hpp"
 
@@ -145,14 +146,14 @@ Result<App::End> App::run(int stop_fd) {
   journal_.line(Priority::Info, fmt::format("rosid {} runs; files in {}", kVersion, directory->path().string()));
   if (scheduling_error != 0) { warn_about_realtime(scheduling_error, false); }
   if (memory_error != 0) { warn_about_realtime(memory_error, true); }
-  output.ready();
+  ServiceNotifier::ready();
 
   bool is_stopped = false;
   while (!is_stopped) {
     is_stopped = wait_for_events(stop_fd, shared->channels.output_wakeup, output.patience());
     output.step(monotonic_now());
   }
-  output.stopping();
+  ServiceNotifier::stopping();
   const bool is_finished = threads.stop();
   const bool is_stored = output.finish(monotonic_now(), is_finished ? shared->mapping.map() : mapping::MapSnapshot());
   if (!is_finished) { return End::Abandoned; }

@@ -183,7 +183,7 @@ void OutputLoop::feed_watchdog(Time now) {
       journal_.limited(Priority::Error, name, now, fmt::format("thread {} hangs; the watchdog is not fed", name));
     }
   }
-  if (is_alive) { notifier_.alive(); }
+  if (is_alive) { ServiceNotifier::alive(); }
 }
 
 std::string OutputLoop::status_text() const {
@@ -264,14 +264,6 @@ bool OutputLoop::finish(Time now, mapping::MapSnapshot map) {
   watch_storage(now + std::chrono::seconds(2));
   journal_.line(Priority::Info, fmt::format("stopped after {:.1f} s: {}", summary_.wall_s, status_text()));
   return is_stored && files_.errors() == 0;
-}
-
-void OutputLoop::ready() {
-  notifier_.ready();
-}
-
-void OutputLoop::stopping() {
-  notifier_.stopping();
 }
 
 }  // namespace rosid::daemon

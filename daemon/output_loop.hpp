@@ -35,9 +35,6 @@ class OutputLoop {
   /// everything was stored.
   bool finish(Time now, mapping::MapSnapshot map);
 
-  void ready();
-  void stopping();
-
  private:
   void drain_estimates();
   void drain_aids();

@@ -11,6 +11,8 @@ namespace rosid::msgs {
 
 namespace {
 
+// LCM's generated types have C arrays.
+// NOLINTBEGIN(modernize-avoid-c-arrays)
 template <typename Source, typename Target, std::size_t Size>
 void copy_to(const Source& source, Target (&target)[Size]) {
   static_assert(std::tuple_size_v<Source> == Size);
@@ -20,6 +22,7 @@ void copy_to(const Source& source, Target (&target)[Size]) {
 void copy_vector(const Vec3& source, double (&target)[3]) {
   std::copy_n(source.data(), 3, target);
 }
+// NOLINTEND(modernize-avoid-c-arrays)
 
 std::int32_t to_int32(std::uint64_t value) {
   return static_cast<std::int32_t>(std::min<std::uint64_t>(value, std::numeric_limits<std::int32_t>::max()));

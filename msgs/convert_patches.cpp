@@ -54,14 +54,18 @@ std::size_t sent_bytes(const Patch& patch) {
   return std::min(size.bytes(), kBudget);
 }
 
+std::size_t sent_bytes(const mapping::MapPatch& entry) {
+  return sent_bytes(entry.patch);
+}
+
 /// Groups consecutive patches into messages. At least one group, which may be empty.
-template <typename Entry, typename PatchOf>
-std::vector<std::span<const Entry>> group(const std::vector<Entry>& entries, PatchOf patch_of) {
+template <typename Entry>
+std::vector<std::span<const Entry>> group(const std::vector<Entry>& entries) {
   std::vector<std::span<const Entry>> groups;
   std::size_t begin = 0;
   std::size_t bytes = 0;
   for (std::size_t k = 0; k < entries.size(); ++k) {
-    const std::size_t more = sent_bytes(patch_of(entries[k]));
+    const std::size_t more = sent_bytes(entries[k]);
     if (k > begin && bytes + more > kBudget) {
       groups.push_back(std::span(entries).subspan(begin, k - begin));
       begin = k;
@@ -129,7 +133,7 @@ void finish(patch_block_t& block) {
 }  // namespace
 
 std::vector<view_chunk_t> to_view_messages(const mapping::SurfaceView& view, EpochOffset epoch) {
-  const auto groups = group(view.patches, [](const Patch& patch) -> const Patch& { return patch; });
+  const auto groups = group(view.patches);
   std::vector<view_chunk_t> messages;
   messages.reserve(groups.size());
   const Pose3 X_OV = to_pose3(view.X_OV_ref);
@@ -154,7 +158,7 @@ std::vector<view_chunk_t> to_view_messages(const mapping::SurfaceView& view, Epo
 }
 
 std::vector<map_chunk_t> to_map_messages(const mapping::SurfaceMap& map, EpochOffset epoch) {
-  const auto groups = group(map.patches, [](const mapping::MapPatch& entry) -> const Patch& { return entry.patch; });
+  const auto groups = group(map.patches);
   std::vector<map_chunk_t> messages;
   messages.reserve(groups.size());
   for (const auto& entries : groups) {

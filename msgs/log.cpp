@@ -20,9 +20,9 @@ namespace {
 // endian; then the name and the data.
 constexpr std::uint32_t kSync = 0xEDA1DA01U;
 constexpr std::size_t kHeaderSize = 28;
-constexpr std::size_t kMaxChannel = 63;               // LCM's own limit
-constexpr std::size_t kMaxData = 4U * 1024U * 1024U;  // far above any event; a larger length is damage
-constexpr std::size_t kReadSize = 64U * 1024U;
+constexpr std::size_t kMaxChannel = 63;                 // LCM's own limit
+constexpr std::size_t kMaxData = std::size_t{4} << 20;  // far above any event; a larger length is damage
+constexpr std::size_t kReadSize = std::size_t{64} << 10;
 
 struct CloseFile {
   void operator()(std::FILE* file) const { static_cast<void>(std::fclose(file)); }

@@ -23,9 +23,9 @@ constexpr std::array<std::uint8_t, 8> kMagic{'R', 'O', 'S', 'I', 'M', 'A', 'P', 
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kFileHeaderSize = 20;
 
-constexpr std::uint32_t block_type(const char (&name)[5]) {
+constexpr std::uint32_t block_type(std::string_view name) {
   std::uint32_t type = 0;
-  for (unsigned k = 0; k < 4; ++k) {
+  for (unsigned k = 0; k < name.size(); ++k) {
     type |= static_cast<std::uint32_t>(static_cast<unsigned char>(name[k])) << (8U * k);
   }
   return type;

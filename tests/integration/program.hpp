@@ -16,8 +16,6 @@
 #include <thread>
 #include <vector>
 
-extern char** environ;
-
 namespace rosid::testing {
 
 class Program {
@@ -25,8 +23,9 @@ class Program {
   /// arguments[0] is the program's path; stdout and stderr go to output_path.
   Program(const std::vector<std::string>& arguments, std::filesystem::path output_path)
       : output_path_(std::move(output_path)) {
+    std::vector<std::string> words = arguments;  // posix_spawn takes char*
     std::vector<char*> argv;
-    for (const std::string& argument : arguments) { argv.push_back(const_cast<char*>(argument.c_str())); }
+    for (std::string& word : words) { argv.push_back(word.data()); }
     argv.push_back(nullptr);
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);

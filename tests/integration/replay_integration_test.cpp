@@ -38,8 +38,8 @@ void write_records(const std::filesystem::path& path, const std::vector<msgs::Lo
 class ReplayIntegration : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    directory_ = std::make_unique<rosid::testing::TemporaryDirectory>();
-    plant_ = rosid::testing::small_plant(3);
+    directory = std::make_unique<rosid::testing::TemporaryDirectory>();
+    plant = rosid::testing::small_plant(3);
     const config::RosidConfig config = rosid::testing::small_config();
     sim::OfflineOptions options;
     options.hal = config.hal;
@@ -50,22 +50,22 @@ class ReplayIntegration : public ::testing::Test {
     auto writer = msgs::LogWriter::create(log());
     ASSERT_TRUE(writer);
     const auto report =
-        sim::run_offline_drive(*plant_, options, [&](const msgs::LogRecord& record) { return writer->write(record); });
+        sim::run_offline_drive(*plant, options, [&](const msgs::LogRecord& record) { return writer->write(record); });
     ASSERT_TRUE(report) << report.error().message;
     ASSERT_TRUE(report->was_ready);
-    drive_start_ = report->drive_start;
+    drive_start = report->drive_start;
     ASSERT_TRUE(writer->flush());
   }
   static void TearDownTestSuite() {
-    plant_.reset();
-    directory_.reset();
+    plant.reset();
+    directory.reset();
   }
-  static std::filesystem::path log() { return *directory_ / "drive.log"; }
-  static std::filesystem::path path(const std::string& name) { return *directory_ / name; }
+  static std::filesystem::path log() { return *directory / "drive.log"; }
+  static std::filesystem::path path(const std::string& name) { return *directory / name; }
 
-  static inline std::unique_ptr<rosid::testing::TemporaryDirectory> directory_;
-  static inline std::unique_ptr<sim::SimulatedPlant> plant_;
-  static inline Time drive_start_;
+  static inline std::unique_ptr<rosid::testing::TemporaryDirectory> directory;
+  static inline std::unique_ptr<sim::SimulatedPlant> plant;
+  static inline Time drive_start;
 };
 
 TEST_F(ReplayIntegration, TheDriveIsMapped) {
@@ -98,7 +98,7 @@ TEST_F(ReplayIntegration, TheTrajectoryFollowsTheTruth) {
   ASSERT_TRUE(result);
   const auto& trajectory = result->trajectory;
   ASSERT_GT(trajectory.size(), 100U);
-  const auto truth = [](Time t) { return plant_->true_pose(Time{std::max(t - drive_start_, Duration{0})}); };
+  const auto truth = [](Time t) { return plant->true_pose(Time{std::max(t - drive_start, Duration{0})}); };
   const RigidTransform X_truth_W = truth(trajectory.front().t) * to_transform(trajectory.front().X_WV).inverse();
   for (const TrajectoryPoint& point : trajectory) {
     const RigidTransform X = X_truth_W * to_transform(point.X_WV);

@@ -12,7 +12,6 @@
 namespace rosid::estimator {
 namespace {
 
-using test::deviations;
 using test::make_fix;
 
 Mat6 random_covariance(std::mt19937_64& random, double sigma) {

@@ -32,9 +32,12 @@ Drive standing() {
 
 VehicleSimulator::VehicleSimulator(const EstimatorConfig& config, const Calibration& calibration, const Drive& drive,
                                    std::uint64_t seed)
-    : config_(config), calibration_(calibration), drive_(drive), random_(seed) {
-  scale_left_ = normal(calibration.wheel_scale_sigma);
-  scale_right_ = normal(calibration.wheel_scale_sigma);
+    : config_(config),
+      calibration_(calibration),
+      drive_(drive),
+      random_(seed),
+      scale_left_(normal(calibration.wheel_scale_sigma)),
+      scale_right_(normal(calibration.wheel_scale_sigma)) {
   tilt_bias_ = Vec2(normal(calibration.tilt_zero_sigma_rad), normal(calibration.tilt_zero_sigma_rad));
   true_pose_.q = quaternion_from({.yaw_rad = 0.0, .pitch_rad = normal(0.02), .roll_rad = normal(0.02)});
   lagged_ = (true_pose_.q.conjugate() * Vec3::UnitZ()).head<2>();

@@ -75,7 +75,7 @@ class Host final : public FrontEndSink {
   void write_can(const CanFrame& frame) override { links->write_can(frame); }
 
   /// Polls until the condition holds; false after the limit.
-  bool run(double limit_s, const std::function<bool()>& until, const std::function<void()>& world = {}) {
+  bool run(double limit_s, const std::function<bool()>& until, const std::function<void()>& world = {}) const {
     const Time end = monotonic_now() + duration_from_s(limit_s);
     while (monotonic_now() < end) {
       links->poll(std::chrono::milliseconds(2));

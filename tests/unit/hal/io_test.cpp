@@ -21,7 +21,6 @@ namespace rosid::hal {
 namespace {
 
 using test::PtyPair;
-using testing::ElementsAre;
 using testing::HasSubstr;
 
 bool wait_readable(int fd) {
@@ -171,7 +170,7 @@ class CountingHandler final : public EventHandler {
     ++count;
     last_events = events;
     char byte = 0;
-    static_cast<void>(!::read(fd_, &byte, 1));
+    EXPECT_EQ(::read(fd_, &byte, 1), 1);
   }
   int count = 0;
   std::uint32_t last_events = 0;

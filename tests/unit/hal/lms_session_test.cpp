@@ -100,9 +100,10 @@ TEST(LaserSession, CompleteScansComeInterlaced) {
 class LaserSessionFault : public testing::TestWithParam<std::tuple<int, Reaction>> {};
 
 TEST_P(LaserSessionFault, OneFaultAtAnyCommandIsSurvived) {
-  const auto [number, reaction] = GetParam();
+  const int number = std::get<0>(GetParam());
+  const Reaction reaction = std::get<1>(GetParam());
   Bench bench(laser_only());
-  bench.device.script = [number = number, reaction = reaction](const FakeLms::Command& command) {
+  bench.device.script = [number, reaction](const FakeLms::Command& command) {
     return command.number == number ? reaction : Reaction::Obey;
   };
   bench.front_end.on_laser_link(bench.now, true);

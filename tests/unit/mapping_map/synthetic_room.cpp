@@ -23,7 +23,7 @@ std::vector<Vec3> clip(const std::vector<Vec3>& polygon, const Vec3& normal, dou
     const double da = normal.dot(a) - offset;
     const double db = normal.dot(b) - offset;
     if (da >= 0.0) { result.push_back(a); }
-    if ((da >= 0.0) != (db >= 0.0)) { result.push_back(a + da / (da - db) * (b - a)); }
+    if ((da >= 0.0) != (db >= 0.0)) { result.emplace_back(a + da / (da - db) * (b - a)); }
   }
   return result;
 }

@@ -84,7 +84,7 @@ TEST(MotionRefiner, FlatWallsTellWhatTheWheelsLost) {
   double normalised = 0.0;
   constexpr int kRuns = 20;
   for (int run = 0; run < kRuns; ++run) {
-    Drive drive = drive_in_room(static_cast<std::uint64_t>(run + 1), calibration);
+    Drive drive = drive_in_room(static_cast<std::uint64_t>(run) + 1, calibration);
     RangeImage& image = drive.picture.image;
     before += std::pow(yaw_rms(image, drive.twist), 2);
     const LineInfo last = image.line.back();

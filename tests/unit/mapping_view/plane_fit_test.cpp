@@ -52,7 +52,7 @@ TEST(PlaneFit, ErrorsMatchTheCovarianceWithTurretNoise) {
     look.columns = 41;
     look.deflection_sigma_rad = calibration.deflection_sigma_rad;
     look.turret_sigma_rad = calibration.turret_sigma_rad;
-    look.seed = static_cast<std::uint64_t>(run + 1);
+    look.seed = static_cast<std::uint64_t>(run) + 1;
     const SurfaceView view = segmenter.segment(look_at(scene, look, calibration).image);
     ASSERT_EQ(view.patches.size(), 1U);
     sum += nees(view.patches[0].plane, normal, scene.rectangles[0].corner);
@@ -75,7 +75,7 @@ TEST(PlaneFit, ErrorsMatchTheCovarianceWithMotionNoise) {
     Look look;
     look.lines = 60;
     look.columns = 41;
-    look.seed = static_cast<std::uint64_t>(run + 1);
+    look.seed = static_cast<std::uint64_t>(run) + 1;
     RangeImage image = look_at(scene, look, calibration).image;
     const int middle = look.lines / 2;
     image.t_ref = time_from_s(10.0);
@@ -155,7 +155,7 @@ TEST(RelativeMotion, CovarianceGrowsInBothDirectionsAndMatchesMonteCarlo) {
         Vec3 dr;
         for (int c = 0; c < 3; ++c) {
           dp[c] = std::sqrt(variance[static_cast<std::size_t>(c)]) * gauss(random);
-          dr[c] = std::sqrt(variance[static_cast<std::size_t>(c + 3)]) * gauss(random);
+          dr[c] = std::sqrt(variance[static_cast<std::size_t>(c) + 3]) * gauss(random);
         }
         const RigidTransform noisy = step * RigidTransform{so3_exp(dr), dp};
         X = X * (end > ref ? noisy : noisy.inverse());

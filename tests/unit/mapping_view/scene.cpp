@@ -65,12 +65,13 @@ Picture look_at(const Scene& scene, const Look& look, const Calibration& calibra
   image.point_V.resize(image.size());
   picture.truth.resize(image.size());
   constexpr double kPhases[4] = {0.0, 0.25, -0.5, -0.25};
+  const int half = (look.columns - 1) / 2;
   for (int i = 0; i < look.lines; ++i) {
     const double u = look.start_angle_rad + (kPi * i / look.lines);
     const double phase = look.with_phases ? kPhases[i % 4] : 0.0;
     LineInfo& line = image.line[static_cast<std::size_t>(i)];
     line.turret_angle_rad = u;
-    line.first_deflection_rad = (phase - ((look.columns - 1) / 2)) * look.step_rad;
+    line.first_deflection_rad = (phase - half) * look.step_rad;
     line.origin_V = X_VS.p;
     line.spin_axis_V = X_VS.q * Vec3::UnitZ();
     const double u_true = u - (look.turret_sigma_rad * normal(random));

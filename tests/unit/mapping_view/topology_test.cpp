@@ -30,7 +30,8 @@ struct Disc {
     spoke = ((spoke % (2 * lines)) + (2 * lines)) % (2 * lines);
     const int i = spoke % lines;
     const int j = spoke < lines ? half + ring : half - ring;
-    return static_cast<std::size_t>((i * ((2 * half) + 1)) + j);
+    const int pixel = (i * ((2 * half) + 1)) + j;
+    return static_cast<std::size_t>(pixel);
   }
 };
 

@@ -6,7 +6,8 @@ namespace rosid::rosi {
 namespace {
 
 Colour pixel(const RgbImage& image, int x, int y) {
-  const auto k = static_cast<std::size_t>((y * image.width + x) * 3);
+  const int first = 3 * (y * image.width + x);
+  const auto k = static_cast<std::size_t>(first);
   return {image.rgb[k], image.rgb[k + 1], image.rgb[k + 2]};
 }
 
