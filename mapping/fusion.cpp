@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "base/symmetric.hpp"
 #include "mapping/fusion_patch.hpp"
 #include "mapping/polygon.hpp"
 #include "mapping/visibility.hpp"

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/symmetric.hpp"
 #include "mapping/fusion.hpp"
 #include "mapping/matcher.hpp"
 #include "mapping/polygon.hpp"
@@ -123,7 +124,7 @@ std::optional<std::size_t> worst_outlier(std::span<const PlanePair> pairs, const
     if (terms.M.cols() > 0 && terms.M.cols() == registration.motion.size()) {
       terms.r += terms.M * registration.motion;
     }
-    const double distance2 = terms.r.dot((terms.C_view + terms.C_map).ldlt().solve(terms.r));
+    const double distance2 = mahalanobis2(terms.r, terms.C_view + terms.C_map);
     if (distance2 > worst) {
       worst = distance2;
       found = k;

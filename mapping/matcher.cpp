@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "base/symmetric.hpp"
 #include "mapping/polygon.hpp"
 #include "mapping/visibility.hpp"
 

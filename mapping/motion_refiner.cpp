@@ -1,11 +1,12 @@
 #include "mapping/motion_refiner.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "base/so3.hpp"
+#include "base/symmetric.hpp"
 #include "mapping/assembler_motion.hpp"
 #include "mapping/plane_algebra.hpp"
 
@@ -166,7 +167,7 @@ void MotionRefiner::Impl::set_prior(const RangeImage& image) {
     step.diagonal().head<3>().array() += 1e-8;
     step.diagonal().tail<3>().array() += 1e-8;
     steps.push_back(step);
-    const Mat6 weight = step.inverse();
+    const Mat6 weight = inverse_of_spd(step);
     const auto row = static_cast<Eigen::Index>(6 * k);
     prior.block<6, 6>(row, row) += weight;
     prior.block<6, 6>(row + 6, row + 6) += weight;
@@ -227,7 +228,7 @@ void MotionRefiner::Impl::accumulate(const Surface& surface, const RangeImage& i
       H += HM * surface.plane.transpose();
       g += HM * (surface.distance + surface.twist.transpose() * xi);
     }
-    plane = -H.ldlt().solve(g);
+    plane = -inverse_of_spd(H) * g;
   }
   for (std::size_t c = 0; c < surface.cells.size(); ++c) {
     const Cell& cell = surface.cells[c];
@@ -251,9 +252,9 @@ void MotionRefiner::Impl::accumulate(const Surface& surface, const RangeImage& i
     own += surface.plane * M * surface.plane.transpose();
     own_gradient += surface.plane * M * surface.distance;
   }
-  const Eigen::LDLT<Mat3> factor(own);
-  information -= cross * factor.solve(cross.transpose());
-  gradient -= cross * factor.solve(own_gradient);
+  const Eigen::Matrix<double, Eigen::Dynamic, 3> elimination = cross * inverse_of_spd(own);
+  information -= elimination * cross.transpose();
+  gradient -= elimination * own_gradient;
 }
 
 bool MotionRefiner::Impl::solve(const RangeImage& image) {
@@ -277,11 +278,11 @@ bool MotionRefiner::Impl::solve(const RangeImage& image) {
     if (iteration + 1 == kIterations) { covariance = solver.solve(Eigen::MatrixXd::Identity(n, n)); }
   }
   add_unmodelled();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  const auto [values, vectors] = eigenpairs(covariance);
   // Directions of less than a tenth of the floor are not worth carrying along.
   constexpr double kSmallest = 1e-9;
-  const auto kept = (eigen.eigenvalues().array() > kSmallest).count();
-  root = eigen.eigenvectors().rightCols(kept) * eigen.eigenvalues().tail(kept).cwiseSqrt().asDiagonal();
+  const auto kept = (values.array() > kSmallest).count();
+  root = vectors.rightCols(kept) * values.tail(kept).cwiseSqrt().asDiagonal();
   return twists.allFinite() && root.allFinite();
 }
 

@@ -1,11 +1,12 @@
 #include "mapping/plane_algebra.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "base/symmetric.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -25,7 +26,7 @@ SplitGain split_gain(const Mat3& own_a, const Mat3& cor_a, const Mat3& own_b, co
   const Mat3 P_a = cor_a / omega + own_a;
   const Mat3 P_b = cor_b / (1.0 - omega) + own_b;
   const Mat3 S = P_a + P_b;
-  const Mat3 S_inverse = S.inverse();
+  const Mat3 S_inverse = inverse_of_spd(S);
   const double det = P_a.determinant() * P_b.determinant() * S_inverse.determinant();
   return {P_a * S_inverse, std::log(std::max(det, std::numeric_limits<double>::min()))};
 }
@@ -54,10 +55,6 @@ SplitGain best_split_gain(const Mat3& own_a, const Mat3& cor_a, const Mat3& own_
     }
   }
   return split_gain(own_a, cor_a, own_b, cor_b, 0.5 * (low + high));
-}
-
-Mat3 symmetrised(const Mat3& m) {
-  return 0.5 * (m + m.transpose());
 }
 
 }  // namespace
@@ -114,24 +111,6 @@ Plane perturbed(const Plane& plane, const Vec3& error) {
   result.e3 = normal.cross(result.e2);
   result.normal = normal;
   return result;
-}
-
-Mat3 positive_part(const Mat3& m, double min_eigenvalue) {
-  const Eigen::SelfAdjointEigenSolver<Mat3> solver(symmetrised(m));
-  const Vec3 values = solver.eigenvalues().cwiseMax(min_eigenvalue);
-  return solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
-}
-
-Mat6 positive_part(const Mat6& m) {
-  const Eigen::SelfAdjointEigenSolver<Mat6> solver(0.5 * (m + m.transpose()));
-  const Vec6 values = solver.eigenvalues().cwiseMax(0.0);
-  return solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
-}
-
-Mat6 symmetric_sqrt(const Mat6& m) {
-  const Eigen::SelfAdjointEigenSolver<Mat6> solver(0.5 * (m + m.transpose()));
-  const Vec6 values = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  return solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
 }
 
 Mat3 statistical_part(const Plane& plane, const SystematicFloor& floor) {
@@ -193,14 +172,6 @@ Plane recentred(const Plane& plane, const Vec3& new_centroid, const SystematicFl
   result.covariance_independent = symmetrised(T * statistical_part(plane, floor) * T.transpose()) + floor.covariance();
   result.covariance_correlated = symmetrised(T * plane.covariance_correlated * T.transpose());
   return result;
-}
-
-double mahalanobis2(const Vec3& r, const Mat3& c) {
-  const Eigen::LDLT<Mat3> factor(c);
-  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0.0)) {
-    return std::numeric_limits<double>::max();
-  }
-  return r.dot(factor.solve(r));
 }
 
 double chi2_quantile(double probability, double dof) {

@@ -47,11 +47,6 @@ PlaneResidual plane_residual(const Plane& a, const Plane& b);
 /// The plane with an error (theta2, theta3, delta) added.
 Plane perturbed(const Plane& plane, const Vec3& error);
 
-/// Nearest positive semidefinite matrix with eigenvalues of at least min_eigenvalue.
-Mat3 positive_part(const Mat3& m, double min_eigenvalue);
-Mat6 positive_part(const Mat6& m);
-Mat6 symmetric_sqrt(const Mat6& m);
-
 /// Independent covariance without the systematic floor, positive definite.
 Mat3 statistical_part(const Plane& plane, const SystematicFloor& floor);
 
@@ -72,10 +67,6 @@ PlaneSource united(const PlaneSource& a, const PlaneSource& b, const SystematicF
 
 /// The plane referred to another centroid (projected on it); only the statistical part feels the lever arm.
 Plane recentred(const Plane& plane, const Vec3& new_centroid, const SystematicFloor& floor);
-
-/// Squared Mahalanobis distance of two planes of one frame with covariance `c` of the residual; huge when c is
-/// singular.
-double mahalanobis2(const Vec3& r, const Mat3& c);
 
 /// Quantile of the chi-square distribution (Wilson-Hilferty: within 1 % for 3 and more dof, 3 % below).
 double chi2_quantile(double probability, double dof);

@@ -1,16 +1,9 @@
 // Pose beliefs in the two conventions, and what one pair of planes says about the pose.
 
+#include "base/symmetric.hpp"
 #include "mapping/registration.hpp"
 
 namespace rosid::mapping {
-namespace {
-
-Mat6 symmetrised(const Mat6& m) {
-  return 0.5 * (m + m.transpose());
-}
-
-}  // namespace
-
 PoseBelief belief_from_border(const RigidTransform& X_WV, const Mat6& covariance_border) {
   // border_from_left is orthogonal: its inverse is its transpose.
   const Mat6 J = border_from_left(X_WV).transpose();

@@ -1,9 +1,10 @@
 #include "mapping/registration.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "base/symmetric.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -20,10 +21,6 @@ constexpr double kInflationProbability = 0.99;
 constexpr double kExactRotation_rad = 1e-6;
 constexpr double kExactPosition_m = 1e-6;
 constexpr int kOmegaSteps = 40;
-
-Mat6 symmetrised(const Mat6& m) {
-  return 0.5 * (m + m.transpose());
-}
 
 Mat6 regularised(const Mat6& covariance) {
   Mat6 m = covariance;
@@ -58,8 +55,8 @@ struct Normals {
 /// Robust information of one pair: Huber weight times the inverse of c. Whether r is large is judged with what the
 /// motion may have done to it.
 Mat3 robust_information(const Vec3& r, const Mat3& c, const MotionResponse& M) {
-  const Mat3 inverse = c.inverse();
-  const double d2 = M.cols() == 0 ? r.dot(inverse * r) : r.dot((c + M * M.transpose()).inverse() * r);
+  const Mat3 inverse = inverse_of_spd(c);
+  const double d2 = M.cols() == 0 ? r.dot(inverse * r) : mahalanobis2(r, c + M * M.transpose());
   return d2 <= kHuber2 ? inverse : Mat3(std::sqrt(kHuber2 / d2) * inverse);
 }
 
@@ -114,7 +111,7 @@ Normals accumulate(std::span<const PlanePair> pairs, const Inheritance& inherite
     n.g_motion += WM.transpose() * t.r;
   }
   if (m == 0) { return n; }
-  n.elimination = n.H_motion.ldlt().solve(n.H_mixed.transpose());
+  n.elimination = inverse_of_spd(n.H_motion) * n.H_mixed.transpose();
   n.H -= n.H_mixed * n.elimination;
   n.g -= n.elimination.transpose() * n.g_motion;
   return n;
@@ -142,9 +139,8 @@ Sums sum_up(std::span<const PlanePair> pairs, const Inheritance& inherited, cons
   s.g = normals.g;
   const bool has_motion = motion_count(pairs) > 0;
   if (has_motion) {
-    const Eigen::LDLT<Eigen::MatrixXd> factor(normals.H_motion);
-    s.motion = -factor.solve(normals.g_motion);
-    s.motion_covariance = factor.solve(Eigen::MatrixXd::Identity(s.motion.size(), s.motion.size()));
+    s.motion_covariance = inverse_of_spd(normals.H_motion);
+    s.motion = -s.motion_covariance * normals.g_motion;
     // The wheels' noise during the view is part of the prior, too: t_ref lies at the end of the view.
     s.H_known += normals.elimination.transpose() * normals.elimination;
     s.elimination = normals.elimination;
@@ -191,19 +187,21 @@ Mat6 scale_matrix(std::span<const PlanePair> pairs) {
   return scale.asDiagonal();
 }
 
+using Mat6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
 /// Eigen-directions of the scaled information, observable ones last.
 struct Subspace {
-  Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> null;
-  Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> seen;
+  Mat6X null;
+  Mat6X seen;
 };
 
 Subspace observable(const Mat6& H, const Mat6& feigned, const Mat6& prior) {
-  const Eigen::SelfAdjointEigenSolver<Mat6> solver(symmetrised(H));
+  const auto [values, vectors] = eigenpairs(symmetrised(H));
   std::vector<Eigen::Index> null;
   std::vector<Eigen::Index> seen;
   for (Eigen::Index k = 0; k < 6; ++k) {
-    const Vec6 u = solver.eigenvectors().col(k);
-    const double information = solver.eigenvalues()(k);
+    const Vec6 u = vectors.col(k);
+    const double information = values(k);
     const double prior_variance = u.dot(prior * u);
     const bool is_weak = information * kNullPriorSigmas * kNullPriorSigmas * prior_variance < 1.0;
     const bool is_feigned = information < kNullNoiseSigmas * kNullNoiseSigmas * u.dot(feigned * u);
@@ -212,23 +210,16 @@ Subspace observable(const Mat6& H, const Mat6& feigned, const Mat6& prior) {
   Subspace space;
   space.null.resize(6, static_cast<Eigen::Index>(null.size()));
   space.seen.resize(6, static_cast<Eigen::Index>(seen.size()));
-  for (std::size_t k = 0; k < null.size(); ++k) {
-    space.null.col(static_cast<Eigen::Index>(k)) = solver.eigenvectors().col(null[k]);
-  }
-  for (std::size_t k = 0; k < seen.size(); ++k) {
-    space.seen.col(static_cast<Eigen::Index>(k)) = solver.eigenvectors().col(seen[k]);
-  }
+  for (std::size_t k = 0; k < null.size(); ++k) { space.null.col(static_cast<Eigen::Index>(k)) = vectors.col(null[k]); }
+  for (std::size_t k = 0; k < seen.size(); ++k) { space.seen.col(static_cast<Eigen::Index>(k)) = vectors.col(seen[k]); }
   return space;
 }
 
-using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
-using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
-
 /// Measurement of the observable coordinates: value relative to the prior and its covariance in two parts.
 struct Reduced {
-  SmallVector value;
-  Small independent;
-  Small correlated;
+  Eigen::VectorXd value;
+  Eigen::MatrixXd independent;
+  Eigen::MatrixXd correlated;
 };
 
 /// Split covariance intersection of the prior with the reduced measurement (scaled coordinates). The prior is inflated
@@ -241,10 +232,9 @@ struct Fused {
 Fused fuse_at(const Mat6& prior, const Subspace& space, const Reduced& z, double omega) {
   const Mat6 D = space.null * space.null.transpose() + space.seen * space.seen.transpose() / std::sqrt(omega);
   const Mat6 P = D * prior * D;
-  const Small R = z.independent + z.correlated / (1.0 - omega);
-  const Small S = space.seen.transpose() * P * space.seen + R;
-  const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> K =
-      P * space.seen * S.ldlt().solve(Small::Identity(S.rows(), S.cols()));
+  const Eigen::MatrixXd R = z.independent + z.correlated / (1.0 - omega);
+  const Eigen::MatrixXd S = space.seen.transpose() * P * space.seen + R;
+  const Mat6X K = P * space.seen * inverse_of_spd(S);
   const Mat6 A = Mat6::Identity() - K * space.seen.transpose();
   return {K * z.value, symmetrised(A * P * A.transpose() + K * R * K.transpose())};
 }
@@ -256,7 +246,7 @@ Fused fuse(const Mat6& prior, const Subspace& space, const Reduced& z) {
   for (int k = 1; k < kOmegaSteps; ++k) {
     const double omega = is_independent ? 1.0 - 1e-9 : static_cast<double>(k) / kOmegaSteps;
     const Fused candidate = fuse_at(prior, space, z, omega);
-    const double log_det = std::log(std::max(candidate.P.determinant(), std::numeric_limits<double>::min()));
+    const double log_det = log_determinant(candidate.P);
     if (log_det < best_log_det) {
       best_log_det = log_det;
       best = candidate;
@@ -269,11 +259,11 @@ Fused fuse(const Mat6& prior, const Subspace& space, const Reduced& z) {
 /// Independent and coherent covariance of the pairs' solution on the observable directions (scaled coordinates).
 Reduced reduce(const Sums& s, const Subspace& space, const Mat6& S, const Vec6& y_linearised) {
   const auto& U = space.seen;
-  const Small information = U.transpose() * S * s.H * S * U;
-  const Small G = information.ldlt().solve(Small::Identity(information.rows(), information.cols()));
+  const Eigen::MatrixXd information = U.transpose() * S * s.H * S * U;
+  const Eigen::MatrixXd G = inverse_of_spd(information);
   const auto sandwich = [&](const Mat6& middle) {
-    const Small m = G * (U.transpose() * S * middle * S * U) * G;
-    return Small(0.5 * (m + m.transpose()));
+    const Eigen::MatrixXd m = G * (U.transpose() * S * middle * S * U) * G;
+    return Eigen::MatrixXd(0.5 * (m + m.transpose()));
   };
   Reduced z;
   z.value = U.transpose() * y_linearised - G * (U.transpose() * S * s.g);
@@ -303,15 +293,15 @@ void set_null_directions(const Subspace& space, const Mat6& border_from_scaled, 
 
 PoseBelief solve_with_prior(std::span<const PlanePair> pairs, const PoseBelief& prior) {
   const Inheritance inherited = inheritance(pairs, prior.X_WV.p);
-  const Mat6 P_inverse = symmetrised(regularised(prior.covariance_left).inverse());
+  const Mat6 P_inverse = inverse_of_spd(regularised(prior.covariance_left));
   PoseBelief result = prior;
   for (int k = 0; k < kMaxSteps; ++k) {
     const Normals n = accumulate(pairs, inherited, result.X_WV);
-    const Eigen::LDLT<Mat6> factor(n.H + P_inverse);
-    const Vec6 step = -factor.solve(n.g + P_inverse * left_difference(prior.X_WV, result.X_WV));
+    const Mat6 covariance = inverse_of_spd(Mat6(n.H + P_inverse));
+    const Vec6 step = -covariance * (n.g + P_inverse * left_difference(prior.X_WV, result.X_WV));
     if (!step.allFinite()) { return prior; }
     apply_left(result.X_WV, step);
-    result.covariance_left = symmetrised(factor.solve(Mat6::Identity()));
+    result.covariance_left = covariance;
     if (step.norm() < kConverged) { break; }
   }
   return result;
@@ -348,20 +338,19 @@ Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief&
   if (result.chi2_dof > 0.0 && result.chi2 > chi2_quantile(kInflationProbability, result.chi2_dof)) {
     z.independent *= result.chi2 / result.chi2_dof;
   }
-  const Small total = z.independent + z.correlated;
-  const Small total_inverse = total.ldlt().solve(Small::Identity(total.rows(), total.cols()));
-  const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> A =
-      border_from_left(X) * S_inverse * space.seen;  // border_from_left is orthogonal
+  const Eigen::MatrixXd total = z.independent + z.correlated;
+  const Eigen::MatrixXd total_inverse = inverse_of_spd(total);
+  const Mat6X A = border_from_left(X) * S_inverse * space.seen;  // border_from_left is orthogonal
   result.information_border = symmetrised(A * total_inverse * A.transpose());
   Mat6 keep = Mat6::Identity();
   for (int k = 0; k < result.null_count; ++k) {
     const Vec6 n = result.null_directions.row(k).transpose();
     keep -= n * n.transpose();
   }
-  const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> B = keep * border_from_scaled * space.seen;
+  const Mat6X B = keep * border_from_scaled * space.seen;
   result.correlated_border = symmetrised(B * z.correlated * B.transpose());
-  const Small innovation = space.seen.transpose() * P_scaled * space.seen + total;
-  result.innovation2 = z.value.dot(innovation.ldlt().solve(z.value));
+  const Eigen::MatrixXd innovation = space.seen.transpose() * P_scaled * space.seen + total;
+  result.innovation2 = z.value.dot(inverse_of_spd(innovation) * z.value);
   const Fused fused = fuse(P_scaled, space, z);
   result.posterior.X_WV = prior.X_WV;
   apply_left(result.posterior.X_WV, S * fused.y);

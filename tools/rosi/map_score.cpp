@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "base/symmetric.hpp"
 #include "base/units.hpp"
 
 namespace rosid::rosi {
@@ -126,7 +127,7 @@ RigidTransform fit_to_surfaces(const std::vector<Sample>& samples, RigidTransfor
       H += weight * J * J.transpose();
       g += weight * residual * J;
     }
-    const Vec6 step = -H.ldlt().solve(g);
+    const Vec6 step = -inverse_of_spd(H) * g;
     X = RigidTransform{so3_exp(step.head<3>()) * X.q, so3_exp(step.head<3>()) * X.p + step.tail<3>()};
     X.q.normalize();
   }

@@ -1,6 +1,5 @@
 #include "tools/rosi/trajectory_score.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <utility>
 
 #include "base/contract.hpp"
+#include "base/symmetric.hpp"
 #include "base/units.hpp"
 
 namespace rosid::rosi {
@@ -123,9 +123,8 @@ ConsistencyScore score_consistency(const Trajectory& estimate, const Trajectory&
     has_last = true;
     if (travelled < start_m || entry.t < next) { continue; }
     const Vec6 error = local_difference(estimate.at(entry.t), actual);
-    const Eigen::LDLT<Mat6> factor(entry.covariance);
-    const double nees = error.dot(factor.solve(error));
-    if (!std::isfinite(nees)) { continue; }
+    const double nees = mahalanobis2(error, entry.covariance);
+    if (nees == std::numeric_limits<double>::max()) { continue; }
     sum += nees;
     ++score.samples;
     next = entry.t + duration_from_s(spacing_s);

@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "base/so3.hpp"
+#include "base/symmetric.hpp"
 #include "estimator/surface_fix.hpp"
 #include "tests/unit/estimator/vehicle_simulator.hpp"
 
@@ -18,6 +18,13 @@ Mat6 random_covariance(std::mt19937_64& random, double sigma) {
   std::normal_distribution<double> gauss;
   const Mat6 A = Mat6::NullaryExpr([&] { return sigma * gauss(random); });
   return A * A.transpose() + 0.05 * sigma * sigma * Mat6::Identity();
+}
+
+/// Of a positive semidefinite matrix.
+Mat6 pseudo_inverse(const Mat6& m) {
+  const auto [values, vectors] = eigenpairs(symmetrised(m));
+  const Vec6 inverses = (values.array() > 1e-9 * values.maxCoeff()).select(values.cwiseInverse(), 0.0);
+  return vectors * inverses.asDiagonal() * vectors.transpose();
 }
 
 FilterState random_state(std::mt19937_64& random) {
@@ -39,7 +46,7 @@ TEST(SurfaceFix, IndependentFullRankFixIsAKalmanUpdate) {
     const SurfaceFix fix = make_fix(Time{}, state.nominal.X_WV, 1e-7 * Vec6::Ones(), C, Mat6::Zero());
     EXPECT_EQ(fuse_fix(state, fix).outcome, AidOutcome::Fused);
     const Mat6 S = P.topLeftCorner<6, 6>() + C;
-    const Eigen::Matrix<double, kStateDim, 6> K = P.leftCols<6>() * S.inverse();
+    const Eigen::Matrix<double, kStateDim, 6> K = P.leftCols<6>() * inverse_of_spd(S);
     const StateMatrix expected = P - K * P.topRows<6>();
     EXPECT_LT((state.P - expected).norm(), 1e-6 * expected.norm());
   }
@@ -51,7 +58,7 @@ TEST(SurfaceFix, OnlyTheObservedDirectionsGainInformation) {
   std::normal_distribution<double> gauss;
   for (int run = 0; run < 50; ++run) {
     FilterState state = random_state(random);
-    const StateMatrix before = state.P.inverse();
+    const Eigen::MatrixXd before = inverse_of_spd(Eigen::MatrixXd(state.P));
     const int null_count = 1 + run % 2;
     SurfaceFix fix = make_fix(Time{}, state.nominal.X_WV, Vec6::Zero(), random_covariance(random, 0.01), Mat6::Zero());
     Eigen::Matrix<double, 6, Eigen::Dynamic> N(6, null_count);
@@ -59,10 +66,10 @@ TEST(SurfaceFix, OnlyTheObservedDirectionsGainInformation) {
       N.col(k) = Vec6::NullaryExpr([&] { return gauss(random); });
       N.col(k).normalize();
     }
-    const Mat6 keep = Mat6::Identity() - N * (N.transpose() * N).inverse() * N.transpose();
+    const Mat6 keep = Mat6::Identity() - N * inverse_of_spd(Eigen::MatrixXd(N.transpose() * N)) * N.transpose();
     const Mat6 H = keep * to_mat6(fix.information) * keep;
     fix.information = to_flat(H);
-    fix.covariance_correlated = to_flat(Mat6(0.7 * keep * H.completeOrthogonalDecomposition().pseudoInverse() * keep));
+    fix.covariance_correlated = to_flat(Mat6(0.7 * keep * pseudo_inverse(H) * keep));
     fix.null_count = static_cast<std::uint8_t>(null_count);
     Eigen::Map<Eigen::Matrix<double, 6, Eigen::Dynamic>>(fix.null_directions.data(), 6, null_count) = N;
     // when it is fused
@@ -70,13 +77,13 @@ TEST(SurfaceFix, OnlyTheObservedDirectionsGainInformation) {
     EXPECT_EQ(update.outcome, AidOutcome::Fused);
     EXPECT_EQ(update.dof, 6 - null_count);
     // then the information about every null direction, and about everything that is not the pose, is the same
-    const StateMatrix after = state.P.inverse();
+    const Eigen::MatrixXd after = inverse_of_spd(Eigen::MatrixXd(state.P));
     Eigen::Matrix<double, kStateDim, Eigen::Dynamic> unseen = Eigen::MatrixXd::Zero(kStateDim, null_count + 6);
     unseen.topLeftCorner(6, null_count) = N;
     unseen.bottomRightCorner<6, 6>().setIdentity();
     EXPECT_LT(((after - before) * unseen).norm(), 1e-6 * (before * unseen).norm());
     // and no direction at all has lost any
-    EXPECT_GT((before.inverse() - state.P).eval().selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), -1e-9);
+    EXPECT_GT(eigenpairs(Eigen::MatrixXd(inverse_of_spd(before) - state.P)).values.minCoeff(), -1e-9);
   }
 }
 
@@ -120,7 +127,7 @@ TEST(SurfaceFix, IntersectionCoversEveryCorrelation) {
     // then the claimed covariance is not below the true one in any direction (all of them kept: no mixing)
     if (s.gain.size() == s.used) {
       const MatX6 excess = MatX6(s.variance.asDiagonal()) - truth;
-      EXPECT_GT(excess.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), -1e-9) << run;
+      EXPECT_GT(eigenpairs(Eigen::MatrixXd(excess)).values.minCoeff(), -1e-9) << run;
     }
     EXPECT_TRUE((s.variance.array() < 1.0).all());
   }

@@ -1,9 +1,9 @@
 #include "tests/unit/estimator/vehicle_simulator.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+
+#include "base/symmetric.hpp"
 
 namespace rosid::estimator::test {
 namespace {
@@ -117,7 +117,7 @@ Vec6 pose_error(const PoseEstimate& estimate, const RigidTransform& X_WV) {
 
 double pose_nees(const PoseEstimate& estimate, const RigidTransform& X_WV) {
   const Vec6 e = pose_error(estimate, X_WV);
-  return e.dot(to_mat6(estimate.covariance_W).ldlt().solve(e));
+  return mahalanobis2(e, to_mat6(estimate.covariance_W));
 }
 
 Band nees_band(int dof, int runs) {
@@ -134,7 +134,7 @@ SurfaceFix make_fix(Time t_view, const RigidTransform& X_WV, const Vec6& error, 
   SurfaceFix fix;
   fix.t_view = t_view;
   fix.X_WV = to_pose3(retract(X_WV, error));
-  fix.information = to_flat(Mat6(independent + correlated).inverse());
+  fix.information = to_flat(inverse_of_spd(Mat6(independent + correlated)));
   fix.covariance_correlated = to_flat(correlated);
   fix.pair_count = 6;
   fix.confidence = 1.0;

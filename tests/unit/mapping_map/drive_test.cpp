@@ -8,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "base/symmetric.hpp"
 #include "base/units.hpp"
 #include "mapping/mapper.hpp"
 #include "mapping/plane_algebra.hpp"

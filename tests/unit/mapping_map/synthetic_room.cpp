@@ -1,10 +1,10 @@
 #include "tests/unit/mapping_map/synthetic_room.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/symmetric.hpp"
 #include "mapping/plane_algebra.hpp"
 #include "mapping/polygon.hpp"
 
@@ -250,11 +250,11 @@ PoseEstimate make_prior(const RigidTransform& X_WV, const Mat6& covariance_borde
 Pose update(const Pose& prior, const SurfaceFix& fix) {
   const Mat6 H = to_mat6(fix.information);
   const Mat6 correlated = to_mat6(fix.covariance_correlated);
-  const Eigen::SelfAdjointEigenSolver<Mat6> solver(H);
+  const auto [information, directions] = eigenpairs(H);
   const Eigen::Index rank = 6 - fix.null_count;
-  const Eigen::MatrixXd U = solver.eigenvectors().rightCols(rank);
-  const Eigen::MatrixXd N = solver.eigenvectors().leftCols(6 - rank);
-  const Eigen::MatrixXd total = (U.transpose() * H * U).inverse();
+  const Eigen::MatrixXd U = directions.rightCols(rank);
+  const Eigen::MatrixXd N = directions.leftCols(6 - rank);
+  const Eigen::MatrixXd total = inverse_of_spd(Eigen::MatrixXd(U.transpose() * H * U));
   const Eigen::MatrixXd shared = U.transpose() * correlated * U;
   const Vec6 innovation = local_difference(prior.X_WV, to_transform(fix.X_WV));
   double best = std::numeric_limits<double>::max();
@@ -264,10 +264,10 @@ Pose update(const Pose& prior, const SurfaceFix& fix) {
     const Mat6 D = N * N.transpose() + U * U.transpose() / std::sqrt(omega);
     const Mat6 P = D * prior.covariance * D;
     const Eigen::MatrixXd R = total - shared + shared / (1.0 - omega);
-    const Eigen::MatrixXd K = P * U * (U.transpose() * P * U + R).inverse();
+    const Eigen::MatrixXd K = P * U * inverse_of_spd(Eigen::MatrixXd(U.transpose() * P * U + R));
     const Mat6 A = Mat6::Identity() - K * U.transpose();
     const Mat6 after = A * P * A.transpose() + K * R * K.transpose();
-    const double log_det = std::log(after.determinant());
+    const double log_det = log_determinant(after);
     if (log_det >= best) { continue; }
     best = log_det;
     result.X_WV = retract(prior.X_WV, K * (U.transpose() * innovation));
@@ -289,7 +289,7 @@ Pose advance(const Pose& from, const RigidTransform& step, const Mat6& noise_V) 
 
 double nees(const Pose& estimate, const RigidTransform& truth) {
   const Vec6 e = local_difference(estimate.X_WV, truth);
-  return e.dot(estimate.covariance.ldlt().solve(e));
+  return mahalanobis2(e, estimate.covariance);
 }
 
 }  // namespace rosid::mapping::testing

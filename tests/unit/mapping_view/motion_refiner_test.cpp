@@ -2,12 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
 
+#include "base/symmetric.hpp"
 #include "base/units.hpp"
 #include "mapping/assembler_motion.hpp"
 #include "mapping/segmenter.hpp"
@@ -115,7 +115,7 @@ double room_nees(const Plane& plane) {
     return a.first.dot(plane.normal) < b.first.dot(plane.normal);
   });
   const Vec3 error(plane.e2.dot(normal), plane.e3.dot(normal), rho - normal.dot(plane.centroid));
-  return error.dot(plane.covariance_independent.ldlt().solve(error));
+  return mahalanobis2(error, plane.covariance_independent);
 }
 
 TEST(MotionRefiner, PatchesKnowWhatIsLeftOfTheMotion) {

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <random>
 
+#include "base/symmetric.hpp"
 #include "base/units.hpp"
 #include "mapping/assembler_motion.hpp"
 #include "mapping/segmenter.hpp"
@@ -21,7 +21,7 @@ using test::Scene;
 /// Normalised squared error of a plane against the truth, 3 dof.
 double nees(const Plane& plane, const Vec3& true_normal, const Vec3& true_point) {
   Vec3 error(plane.e2.dot(true_normal), plane.e3.dot(true_normal), true_normal.dot(true_point - plane.centroid));
-  return error.dot(plane.covariance_independent.ldlt().solve(error));
+  return mahalanobis2(error, plane.covariance_independent);
 }
 
 /// Without the systematic floors, so that the noise model stands alone.
