@@ -252,7 +252,7 @@ bool OutputLoop::finish(Time now, mapping::MapSnapshot map) {
   for (const msgs::QueueHealth& queue : queue_health(channels_)) { summary_.queue_dropped += queue.dropped; }
   if (map == nullptr) { map = map_; }
   bool is_stored = true;
-  if (map != nullptr) {
+  if (map != nullptr && !map->patches.empty()) {
     map_ = map;
     if (const auto saved = msgs::save_map(*map, directory_ / "map.rosi"); !saved) {
       journal_.line(Priority::Error, saved.error().message);

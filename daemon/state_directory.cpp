@@ -25,18 +25,13 @@ std::string first_line(int fd) {
   return line.substr(0, line.find('\n'));
 }
 
-/// A file that cannot be moved stays where it is and is overwritten: that is no reason not to drive.
+/// A file that cannot be moved stays where it is and is overwritten: that is no reason not to drive. What the last run
+/// did not leave stays in previous/: a run that was stopped before it had a map does not cost the map before.
 void keep_previous_run(const std::filesystem::path& path) {
   std::error_code ignored;
-  if (!std::filesystem::exists(path / "run.json", ignored) && !std::filesystem::exists(path / "map.rosi", ignored)) {
-    return;
-  }
   const std::filesystem::path previous = path / "previous";
   std::filesystem::create_directory(previous, ignored);
-  for (const char* name : kRunFiles) {
-    std::filesystem::remove(previous / name, ignored);
-    std::filesystem::rename(path / name, previous / name, ignored);
-  }
+  for (const char* name : kRunFiles) { std::filesystem::rename(path / name, previous / name, ignored); }
 }
 
 }  // namespace

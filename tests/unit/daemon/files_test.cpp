@@ -174,6 +174,17 @@ TEST(StateDirectory, KeepsTheRunBefore) {
   EXPECT_EQ(read_all(directory / "previous/drive.log"), "two");
 }
 
+TEST(StateDirectory, ARunWithoutMapDoesNotCostTheMapBefore) {
+  const TemporaryDirectory directory;
+  for (const char* map : {"good", "", ""}) {
+    ASSERT_TRUE(StateDirectory::open(directory.path()));
+    if (*map != '\0') { std::ofstream(directory / "map.rosi") << map; }
+    std::ofstream(directory / "drive.log") << "log";
+  }
+  ASSERT_TRUE(StateDirectory::open(directory.path()));
+  EXPECT_EQ(read_all(directory / "previous/map.rosi"), "good");
+}
+
 TEST(StateDirectory, NamesWhatIsWrong) {
   const auto state = StateDirectory::open("/proc/rosid");
   ASSERT_FALSE(state);
