@@ -71,6 +71,7 @@ TEST_F(Rosi, WhatIsMissingIs66AndNamed) {
                                              {"export", path("none"), "--out", path("x")},
                                              {"map", "info", path("none")},
                                              {"segment", path("none.pcd")},
+                                             {"segment", path("none")},
                                              {"segment", path("none.log")}}) {
     const Finished missing = run(arguments);
     EXPECT_EQ(missing.code, 66) << arguments[0] << missing.output;

@@ -162,7 +162,10 @@ void register_sim(CLI::App& app, CommandState& state) {
       "         rosi sim config/worlds/hall.toml --live --out drive");
   auto options = std::make_shared<SimOptions>();
   command->add_option("WORLD", options->world, "world file, see docs/worlds.md")->required();
-  command->add_option("--seed", options->seed, "seed of every random error (default 1)")->check(CLI::NonNegativeNumber);
+  command->add_option("--seed", options->seed, "seed of every random error (default 1)")
+      ->check([](const std::string& text) {
+        return text.find_first_not_of("0123456789") == std::string::npos ? "" : "is not a whole number from 0 on";
+      });
   command->add_option("--out", options->out, "folder to write to")->required();
   auto* offline = command->add_flag("--offline", options->offline, "virtual time, into DIR/drive.log (default)");
   command->add_flag("--live", options->live, "real time, devices on pseudo-terminals DIR/laser and DIR/can")

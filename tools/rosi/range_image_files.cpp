@@ -196,6 +196,9 @@ Result<RangeImage> from_turning(const std::filesystem::path& path, const PointFi
 }  // namespace
 
 Result<RangeImage> read_range_image(const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path)) {
+    return make_error(ErrorCode::NotFound, fmt::format("'{}': no such file", path.string()));
+  }
   const std::string extension = path.extension().string();
   if (extension == ".3d") { return from_3dtk(path); }
   if (extension != ".pcd" && extension != ".ply") {
