@@ -35,12 +35,20 @@ auto composed(const Pairs& pairs, const Vector& values) {
 
 }  // namespace
 
+Eigenpairs<Mat2, Vec2> eigenpairs(const Mat2& m) {
+  return decomposed<Vec2>(m);
+}
+
 Eigenpairs<Mat3, Vec3> eigenpairs(const Mat3& m) {
   return decomposed<Vec3>(m);
 }
 
 Eigenpairs<Mat6, Vec6> eigenpairs(const Mat6& m) {
   return decomposed<Vec6>(m);
+}
+
+Eigenpairs<MatX6, VecX6> eigenpairs(const MatX6& m) {
+  return decomposed<VecX6>(m);
 }
 
 Eigenpairs<Eigen::MatrixXd, Eigen::VectorXd> eigenpairs(const Eigen::MatrixXd& m) {

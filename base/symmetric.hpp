@@ -1,12 +1,16 @@
 #pragma once
-// Symmetric 3x3, 6x6 and dynamic matrices: covariances and normal equations. Eigen's decompositions are instantiated
-// here once; in every file of their own they are most of what the compiler has to do.
+// Symmetric 2x2, 3x3, 6x6 and dynamic matrices: covariances and normal equations. Eigen's decompositions are
+// instantiated here once; in every file of their own they are most of what the compiler has to do.
 //
 // Functions of dynamic matrices allocate, the others do not.
 
 #include "base/so3.hpp"
 
 namespace rosid {
+
+/// Matrices of up to 6 x 6 whose size is known at run time only; they live on the stack.
+using MatX6 = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
+using VecX6 = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
 
 /// Mean of a square matrix and its transpose: takes away what rounding has left.
 template <typename Derived>
@@ -21,8 +25,10 @@ struct Eigenpairs {
   Vector values;
   Matrix vectors;
 };
+Eigenpairs<Mat2, Vec2> eigenpairs(const Mat2& m);
 Eigenpairs<Mat3, Vec3> eigenpairs(const Mat3& m);
 Eigenpairs<Mat6, Vec6> eigenpairs(const Mat6& m);
+Eigenpairs<MatX6, VecX6> eigenpairs(const MatX6& m);
 Eigenpairs<Eigen::MatrixXd, Eigen::VectorXd> eigenpairs(const Eigen::MatrixXd& m);
 
 /// Inverse of a positive definite matrix, symmetric to the last bit; not finite when it is singular.

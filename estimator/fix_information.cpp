@@ -1,7 +1,6 @@
 #include "estimator/fix_information.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -44,8 +43,8 @@ MatX6 null_basis(const SurfaceFix& fix) {
 MatX6 complement(const MatX6& basis) {
   if (basis.cols() == 0) { return Mat6::Identity(); }
   const Mat6 projector = Mat6::Identity() - basis * basis.transpose();
-  const Eigen::SelfAdjointEigenSolver<Mat6> eigen(projector);
-  return eigen.eigenvectors().rightCols(6 - basis.cols());
+  const auto eigen = eigenpairs(projector);
+  return eigen.vectors.rightCols(6 - basis.cols());
 }
 
 /// Information about U^T x when N^T x is unknown: Schur complement over the part of N that carries information.
@@ -54,11 +53,11 @@ MatX6 marginal_information(const Mat6& H, const MatX6& U, const MatX6& N, double
   if (N.cols() == 0) { return marginal; }
   const MatX6 H_nn = N.transpose() * H * N;
   const MatX6 H_un = U.transpose() * H * N;
-  const Eigen::SelfAdjointEigenSolver<MatX6> eigen(H_nn);
+  const auto eigen = eigenpairs(H_nn);
   for (Eigen::Index i = 0; i < N.cols(); ++i) {
-    if (eigen.eigenvalues()(i) <= tolerance) { continue; }
-    const VecX6 column = H_un * eigen.eigenvectors().col(i);
-    marginal -= (1.0 / eigen.eigenvalues()(i)) * column * column.transpose();
+    if (eigen.values(i) <= tolerance) { continue; }
+    const VecX6 column = H_un * eigen.vectors.col(i);
+    marginal -= (1.0 / eigen.values(i)) * column * column.transpose();
   }
   return marginal;
 }
@@ -70,14 +69,14 @@ std::optional<ObservedPart> observed_part(const SurfaceFix& fix, FixFault* fault
   if (!is_finite(fix)) { return std::nullopt; }
   const Mat6 H_raw = to_mat6(fix.information);
   const Mat6 C_raw = to_mat6(fix.covariance_correlated);
-  const Mat6 H = 0.5 * (H_raw + H_raw.transpose());
-  const Mat6 C = 0.5 * (C_raw + C_raw.transpose());
-  const Eigen::SelfAdjointEigenSolver<Mat6> eigen_H(H);
-  const Eigen::SelfAdjointEigenSolver<Mat6> eigen_C(C, Eigen::EigenvaluesOnly);
-  const double largest = eigen_H.eigenvalues()(5);
+  const Mat6 H = symmetrised(H_raw);
+  const Mat6 C = symmetrised(C_raw);
+  const auto eigen_H = eigenpairs(H);
+  const auto eigen_C = eigenpairs(C);
+  const double largest = eigen_H.values(5);
   *fault = FixFault::NotPositive;
-  if (eigen_H.eigenvalues()(0) < -1e-6 * std::max(largest, 0.0) || largest < 0.0 ||
-      eigen_C.eigenvalues()(0) < -1e-6 * std::max(eigen_C.eigenvalues()(5), 0.0) || eigen_C.eigenvalues()(5) < 0.0) {
+  if (eigen_H.values(0) < -1e-6 * std::max(largest, 0.0) || largest < 0.0 ||
+      eigen_C.values(0) < -1e-6 * std::max(eigen_C.values(5), 0.0) || eigen_C.values(5) < 0.0) {
     return std::nullopt;
   }
 
@@ -86,13 +85,13 @@ std::optional<ObservedPart> observed_part(const SurfaceFix& fix, FixFault* fault
   const MatX6 N = null_basis(fix);
   if (N.cols() == 6) { return std::nullopt; }
   const MatX6 V = complement(N);
-  const Eigen::SelfAdjointEigenSolver<MatX6> eigen(marginal_information(H, V, N, tolerance));
-  const VecX6& lambda = eigen.eigenvalues();
+  const auto eigen = eigenpairs(marginal_information(H, V, N, tolerance));
+  const VecX6& lambda = eigen.values;
   ObservedPart part;
   part.dof = static_cast<int>((lambda.array() > tolerance).count());
   if (part.dof == 0) { return std::nullopt; }
   // Eigenvalues ascend, the observed ones are the last.
-  const MatX6 W = eigen.eigenvectors().rightCols(part.dof);
+  const MatX6 W = eigen.vectors.rightCols(part.dof);
   const VecX6 variances = lambda.tail(part.dof).cwiseInverse();
   if (part.dof == 6) {
     part.U = Mat6::Identity();
@@ -108,9 +107,9 @@ std::optional<ObservedPart> observed_part(const SurfaceFix& fix, FixFault* fault
   factor.matrixL().solveInPlace(share);
   MatX6 whitened = share.transpose();
   factor.matrixL().solveInPlace(whitened);
-  const Eigen::SelfAdjointEigenSolver<MatX6> eigen_share(0.5 * (whitened + whitened.transpose()));
-  const VecX6 fraction = eigen_share.eigenvalues().cwiseMax(0.0).cwiseMin(1.0);
-  const MatX6 T = factor.matrixL() * eigen_share.eigenvectors();
+  const auto eigen_share = eigenpairs(symmetrised(whitened));
+  const VecX6 fraction = eigen_share.values.cwiseMax(0.0).cwiseMin(1.0);
+  const MatX6 T = factor.matrixL() * eigen_share.vectors;
   part.correlated = T * fraction.asDiagonal() * T.transpose();
   *fault = FixFault::None;
   return part;

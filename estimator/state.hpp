@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "base/pose.hpp"
+#include "base/symmetric.hpp"
 
 namespace rosid::estimator {
 
@@ -25,10 +26,6 @@ inline constexpr double kOriginVariance = 1e-12;
 
 using StateVector = Eigen::Matrix<double, kStateDim, 1>;
 using StateMatrix = Eigen::Matrix<double, kStateDim, kStateDim>;
-
-/// Matrices of up to 6 x 6 whose size is known at run time only; they live on the stack.
-using MatX6 = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
-using VecX6 = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 6, 1>;
 
 /// Best knowledge of the state.
 struct Nominal {

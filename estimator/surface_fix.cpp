@@ -1,7 +1,6 @@
 #include "estimator/surface_fix.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,9 +19,9 @@ class Candidate {
   Candidate(const VecX6& variances, const MatX6& correlated, Eigen::Index m) {
     const VecX6 scale = variances.head(m).cwiseSqrt().cwiseInverse();
     const MatX6 share = scale.asDiagonal() * correlated.topLeftCorner(m, m) * scale.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<MatX6> eigen(0.5 * (share + share.transpose()));
-    rho_ = eigen.eigenvalues().cwiseMax(0.0).cwiseMin(1.0);
-    A_ = scale.asDiagonal() * eigen.eigenvectors();
+    const auto eigen = eigenpairs(symmetrised(share));
+    rho_ = eigen.values.cwiseMax(0.0).cwiseMin(1.0);
+    A_ = scale.asDiagonal() * eigen.vectors;
   }
 
   /// Inverse of correlated / (1 - omega) + independent.
@@ -109,10 +108,10 @@ std::optional<Whitened> whiten(const StateMatrix& P, const ObservedPart& part, c
     factor.matrixL().solveInPlace(both);
     return MatX6(0.5 * (both + both.transpose()));
   };
-  const Eigen::SelfAdjointEigenSolver<MatX6> eigen(whiten_both(part.covariance));
-  const MatX6& V = eigen.eigenvectors();
+  const auto eigen = eigenpairs(whiten_both(part.covariance));
+  const MatX6& V = eigen.vectors;
   Whitened w;
-  w.variances = eigen.eigenvalues().cwiseMax(1e-15);
+  w.variances = eigen.values.cwiseMax(1e-15);
   w.correlated = V.transpose() * whiten_both(part.correlated) * V;
   // NOLINTNEXTLINE(performance-unnecessary-copy-initialization): solveInPlace takes it as const and changes it
   VecX6 m = innovation;
@@ -171,13 +170,13 @@ SplitIntersection split_intersection(const VecX6& variances, const MatX6& correl
   }
   if (result.used == 0) { return result; }
   const Candidate candidate(variances, correlated, result.used);
-  const Eigen::SelfAdjointEigenSolver<MatX6> eigen(candidate.information(result.omega));
+  const auto eigen = eigenpairs(candidate.information(result.omega));
   // Eigenvalues ascend: directions that lose more of the prior than they gain come first and are left out.
-  const VecX6 fused = eigen.eigenvalues().array() + result.omega;
+  const VecX6 fused = eigen.values.array() + result.omega;
   const Eigen::Index kept = (fused.array() > 1.0 + 1e-12).count();
-  result.directions = eigen.eigenvectors().rightCols(kept);
+  result.directions = eigen.vectors.rightCols(kept);
   result.variance = fused.tail(kept).cwiseInverse();
-  result.gain = eigen.eigenvalues().tail(kept).cwiseQuotient(fused.tail(kept));
+  result.gain = eigen.values.tail(kept).cwiseQuotient(fused.tail(kept));
   return result;
 }
 

@@ -1,8 +1,9 @@
 #include "mapping/attributes.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+
+#include "base/symmetric.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -31,10 +32,10 @@ double weighted_quantile(std::vector<std::pair<double, double>>& angle_and_weigh
 }
 
 void measure_shape(const Mat2& moments, PatchAttributes& attributes) {
-  Eigen::SelfAdjointEigenSolver<Mat2> solver(moments);
-  const Vec2 values = solver.eigenvalues().cwiseMax(0.0);
+  const auto [variances, axes] = eigenpairs(moments);
+  const Vec2 values = variances.cwiseMax(0.0);
   attributes.shape_factor = values[1] > 0.0 ? std::sqrt(values[0] / values[1]) : 0.0;
-  const Vec2 axis = solver.eigenvectors().col(1);
+  const Vec2 axis = axes.col(1);
   attributes.elongation_rad = std::atan2(axis.y(), axis.x());
 }
 

@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/symmetric.hpp"
+
 namespace rosid::mapping {
 namespace {
 
@@ -91,11 +93,11 @@ void reproject(std::vector<Ring>& rings, const Plane& from, const Plane& to) {
 /// Shape attributes from a polygon whose plane coordinates are those of the patch.
 void set_shape(PatchAttributes& attributes, const PolygonMoments& m) {
   attributes.area_m2 = m.area_m2;
-  const Eigen::SelfAdjointEigenSolver<Mat2> solver(m.covariance_m2);
-  const double small = std::max(solver.eigenvalues()(0), 0.0);
-  const double large = solver.eigenvalues()(1);
+  const auto [values, axes] = eigenpairs(m.covariance_m2);
+  const double small = std::max(values(0), 0.0);
+  const double large = values(1);
   attributes.shape_factor = large > 0.0 ? std::sqrt(small / large) : 0.0;
-  attributes.elongation_rad = std::atan2(solver.eigenvectors()(1, 1), solver.eigenvectors()(0, 1));
+  attributes.elongation_rad = std::atan2(axes(1, 1), axes(0, 1));
 }
 
 /// Attributes that are means over the surface.

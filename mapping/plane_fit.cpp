@@ -1,10 +1,11 @@
 #include "mapping/plane_fit.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <vector>
+
+#include "base/symmetric.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -95,9 +96,9 @@ bool Fitter::solve() {
     const Vec3 s = frame_.calibration().turret_sigma_rad * frame_.sweep(k);
     sums_.noise += (w * (1.0 - (w / sums_.weight))) * (own_covariance(frame_, k) + s * s.transpose());
   }
-  Eigen::SelfAdjointEigenSolver<Mat3> corrected(sums_.scatter - sums_.noise);
-  lambda_ = corrected.eigenvalues();
-  axes_ = corrected.eigenvectors();
+  const auto corrected = eigenpairs(Mat3(sums_.scatter - sums_.noise));
+  lambda_ = corrected.values;
+  axes_ = corrected.vectors;
   const bool spans = lambda_.allFinite() && lambda_[1] > 2.0 * std::abs(lambda_[0]) && lambda_[1] > 1e-9;
   if (!spans) { return false; }
   if (axes_.col(0).dot(normal_) < 0.0) { axes_.col(0) = -axes_.col(0); }
@@ -175,8 +176,7 @@ void Fitter::propagate(PlaneFit& fit) const {
 double Fitter::bow() const {
   // Coordinates in units of the patch's own size keep the normal equations well conditioned.
   const Vec3 scale = (lambda_ / sums_.weight).cwiseMax(1e-12).cwiseSqrt();
-  using Mat66 = Eigen::Matrix<double, 6, 6>;
-  Mat66 A = Mat66::Zero();
+  Mat6 A = Mat6::Zero();
   Vec6 b = Vec6::Zero();
   for (const std::size_t k : pixels_) {
     const Vec3 q = frame_.point(k) - sums_.mean;
@@ -190,9 +190,8 @@ double Fitter::bow() const {
   A.triangularView<Eigen::StrictlyUpper>() = A.transpose();
   A.diagonal().array() += 1e-9 * static_cast<double>(pixels_.size());
   // What the constant and the slopes explain is the plane's own affair.
-  Mat3 plane = A.topLeftCorner<3, 3>();
-  const double whole = b.dot(A.ldlt().solve(b));
-  const double flat = b.head<3>().dot(plane.ldlt().solve(b.head<3>()));
+  const double whole = mahalanobis2(b, A);
+  const double flat = mahalanobis2(Vec3(b.head<3>()), Mat3(A.topLeftCorner<3, 3>()));
   return std::sqrt(std::max(whole - flat, 0.0) / static_cast<double>(pixels_.size()));
 }
 
