@@ -38,9 +38,9 @@ std::optional<sockaddr_in> multicast_address(std::string_view url) {
   return address;
 }
 
-/// Whether packets to the URL's address have a way out. LCM would find out as well, but it prints its findings on
-/// stderr each time it is asked.
-int probe_route(const std::string& url) {
+}  // namespace
+
+int multicast_route_error(const std::string& url) {
   const auto address = multicast_address(url);
   if (!address.has_value()) { return 0; }
   const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -52,8 +52,6 @@ int probe_route(const std::string& url) {
   return error;
 }
 
-}  // namespace
-
 LcmOutput::LcmOutput(std::string url) : url_(std::move(url)) {
   constexpr std::size_t kLargest = 65536;
   buffer_.reserve(kLargest);
@@ -64,7 +62,7 @@ bool LcmOutput::maintain(Time now) {
   if (is_open() || (was_tried_ && now - t_tried_ < kRetry)) { return false; }
   was_tried_ = true;
   t_tried_ = now;
-  if (const int error = probe_route(url_); error != 0) {
+  if (const int error = multicast_route_error(url_); error != 0) {
     problem_ = fmt::format("{}: {} (multicast needs a route, for example: ip route add 239.255.76.67/32 dev lo)", url_,
                            std::generic_category().message(error));
     return false;

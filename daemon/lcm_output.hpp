@@ -14,6 +14,10 @@
 
 namespace rosid::daemon {
 
+/// errno of connecting to the address of a udpm:// URL: 0 when packets to it have a way out, or for other providers.
+/// LCM would find out as well, but it prints its findings on stderr each time it is asked. Does not block.
+int multicast_route_error(const std::string& url);
+
 class LcmOutput {
  public:
   /// Chunks of one view or map leave at least this far apart: more at once overflow a receiver's default buffer.

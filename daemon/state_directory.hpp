@@ -10,7 +10,8 @@ namespace rosid::daemon {
 class StateDirectory {
  public:
   /// Creates the directory when it is missing and locks it; the lock ends with the process, however it ends. Moves the
-  /// files of the run before to `previous/`, where each replaces its predecessor. Busy: another program holds the lock, named by its process id.
+  /// files of the run before to `previous/`, where each replaces its predecessor. Busy: another program holds the lock,
+  /// named by its process id.
   static Result<StateDirectory> open(const std::filesystem::path& path);
   ~StateDirectory();
   StateDirectory(StateDirectory&& other) noexcept;

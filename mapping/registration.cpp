@@ -73,7 +73,7 @@ Inheritance inheritance(std::span<const PlanePair> pairs, const Vec3& p_WV) {
   double smallest = std::numeric_limits<double>::max();
   Mat6 common = Mat6::Zero();
   for (const PlanePair& pair : pairs) {
-    result.decoupled.push_back(symmetrised(T * pair.inherited * T.transpose()));
+    result.decoupled.emplace_back(symmetrised(T * pair.inherited * T.transpose()));
     const double size = result.decoupled.back().trace();
     if (size < smallest) {
       smallest = size;

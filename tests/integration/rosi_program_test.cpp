@@ -40,8 +40,16 @@ class Rosi : public ::testing::Test {
 };
 
 TEST_F(Rosi, EveryCommandHasHelpWithAnExample) {
-  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
-           {}, {"sim"}, {"replay"}, {"eval"}, {"export"}, {"segment"}, {"map"}, {"map", "info"}, {"watch"}}) {
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{{},
+                                                                                       {"sim"},
+                                                                                       {"replay"},
+                                                                                       {"eval"},
+                                                                                       {"export"},
+                                                                                       {"segment"},
+                                                                                       {"map"},
+                                                                                       {"map", "info"},
+                                                                                       {"watch"},
+                                                                                       {"doctor"}}) {
     std::vector<std::string> arguments = command;
     arguments.emplace_back("--help");
     const Finished help = run(arguments);
@@ -85,6 +93,18 @@ TEST_F(Rosi, WhatIsNoneOfItsFilesIs65) {
   EXPECT_EQ(run({"segment", text}).code, 65);
   EXPECT_EQ(run({"map", "info", text}).code, 65);
   EXPECT_EQ(run({"segment", file("a.pcd", "VERSION .7\nFIELDS x\n")}).code, 65);
+}
+
+TEST_F(Rosi, DoctorNamesWhatIsMissingAndHowToMendIt) {
+  const std::string config =
+      file("rosid.toml", "[laser]\ndevice = \"" + path("no-laser") + "\"\n[can]\nlink = \"slcan\"\ndevice = \"" +
+                             path("no-can") + "\"\n[output]\nlcm_enabled = false\n");
+  const Finished doctor = run({"doctor", "--config", config, "--seconds", "0.2"});
+  EXPECT_EQ(doctor.code, 69) << doctor.output;
+  EXPECT_NE(doctor.output.find(path("no-laser")), std::string::npos) << doctor.output;
+  EXPECT_NE(doctor.output.find(path("no-can")), std::string::npos) << doctor.output;
+  EXPECT_NE(doctor.output.find("->"), std::string::npos) << doctor.output;
+  EXPECT_EQ(run({"doctor", "--config", file("bad.toml", "[laser]\nbaud = 1\n")}).code, 78);
 }
 
 TEST_F(Rosi, AllFaultsOfAWorldAreToldAndAre78) {

@@ -20,6 +20,7 @@ enum class ExitCode : std::uint8_t {
   Usage = 64,
   DataError = 65,
   NoInput = 66,
+  Unavailable = 69,
   Internal = 70,
   CannotCreate = 73,
   Config = 78
@@ -43,6 +44,7 @@ void register_export(CLI::App& app, CommandState& state);
 void register_map(CLI::App& app, CommandState& state);
 void register_segment(CLI::App& app, CommandState& state);
 void register_watch(CLI::App& app, CommandState& state);
+void register_doctor(CLI::App& app, CommandState& state);
 
 /// Writes the whole text or bytes; the error names the path.
 Result<void> write_file(const std::filesystem::path& path, std::string_view content);

@@ -1,4 +1,4 @@
-// rosi: simulate, replay, evaluate, inspect and export.
+// rosi: simulate, replay, evaluate, inspect, export, diagnose.
 
 #include <fmt/core.h>
 
@@ -29,6 +29,7 @@ int run(int argc, char** argv) {
   rosid::rosi::register_map(app, state);
   rosid::rosi::register_segment(app, state);
   rosid::rosi::register_watch(app, state);
+  rosid::rosi::register_doctor(app, state);
   const std::vector<std::string> words(argv, argv + argc);  // NOLINT(cppcoreguidelines-pro-bounds-pointer-arithmetic)
   const auto is_named = [&words](const CLI::App* command) { return command->get_name() == words[1]; };
   if (words.size() > 1 && !words[1].starts_with('-') && app.get_subcommands(is_named).empty()) {
