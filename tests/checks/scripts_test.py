@@ -55,8 +55,13 @@ class TestTest(ScriptTest):
         calls = pathlib.Path(self.tree / "calls")
         return done, done.stdout.splitlines()[-1], calls.read_text(encoding="utf-8") if calls.exists() else ""
 
-    def test_sums_over_all_stages(self):
+    def test_the_sanitizers_are_asked_for(self):
         done, last, calls = self.run_test()
+        self.assertEqual((done.returncode, last), (0, "6 passed, 0 failed"))
+        self.assertEqual([name for name in ("tsan", "asan") if name in calls], [])
+
+    def test_sums_over_all_stages(self):
+        done, last, calls = self.run_test("--all")
         # dev, tsan and asan have 5 each; clang-tidy over everything counts as one.
         self.assertEqual((done.returncode, last), (0, "16 passed, 0 failed"))
         self.assertEqual([name for name in ("dev", "tidy", "tsan", "asan") if f"--preset {name}" not in calls], [])
@@ -72,7 +77,7 @@ class TestTest(ScriptTest):
         self.assertNotIn("tidy", calls)
 
     def test_keep_going(self):
-        done, last, _ = self.run_test("--keep-going", report=(7, 3, 1))
+        done, last, _ = self.run_test("--all", "--keep-going", report=(7, 3, 1))
         self.assertEqual((done.returncode, last), (1, "10 passed, 9 failed"))
 
     def test_a_build_that_fails_counts_and_shows_why(self):
