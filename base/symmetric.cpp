@@ -63,6 +63,10 @@ Mat6 inverse_of_spd(const Mat6& m) {
   return inverted(m);
 }
 
+MatX6 inverse_of_spd(const MatX6& m) {
+  return inverted(m);
+}
+
 Eigen::MatrixXd inverse_of_spd(const Eigen::MatrixXd& m) {
   return inverted(m);
 }

@@ -34,6 +34,7 @@ Eigenpairs<Eigen::MatrixXd, Eigen::VectorXd> eigenpairs(const Eigen::MatrixXd& m
 /// Inverse of a positive definite matrix, symmetric to the last bit; not finite when it is singular.
 Mat3 inverse_of_spd(const Mat3& m);
 Mat6 inverse_of_spd(const Mat6& m);
+MatX6 inverse_of_spd(const MatX6& m);
 Eigen::MatrixXd inverse_of_spd(const Eigen::MatrixXd& m);
 
 /// Logarithm of a positive semidefinite matrix's determinant; that of the smallest double when it is singular.

@@ -187,7 +187,8 @@ Mat6 scale_matrix(std::span<const PlanePair> pairs) {
   return scale.asDiagonal();
 }
 
-using Mat6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+/// On the stack also because Eigen forms addresses in a matrix without columns.
+using Mat6X = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
 
 /// Eigen-directions of the scaled information, observable ones last.
 struct Subspace {
@@ -217,9 +218,9 @@ Subspace observable(const Mat6& H, const Mat6& feigned, const Mat6& prior) {
 
 /// Measurement of the observable coordinates: value relative to the prior and its covariance in two parts.
 struct Reduced {
-  Eigen::VectorXd value;
-  Eigen::MatrixXd independent;
-  Eigen::MatrixXd correlated;
+  VecX6 value;
+  MatX6 independent;
+  MatX6 correlated;
 };
 
 /// Split covariance intersection of the prior with the reduced measurement (scaled coordinates). The prior is inflated
@@ -232,8 +233,8 @@ struct Fused {
 Fused fuse_at(const Mat6& prior, const Subspace& space, const Reduced& z, double omega) {
   const Mat6 D = space.null * space.null.transpose() + space.seen * space.seen.transpose() / std::sqrt(omega);
   const Mat6 P = D * prior * D;
-  const Eigen::MatrixXd R = z.independent + z.correlated / (1.0 - omega);
-  const Eigen::MatrixXd S = space.seen.transpose() * P * space.seen + R;
+  const MatX6 R = z.independent + z.correlated / (1.0 - omega);
+  const MatX6 S = space.seen.transpose() * P * space.seen + R;
   const Mat6X K = P * space.seen * inverse_of_spd(S);
   const Mat6 A = Mat6::Identity() - K * space.seen.transpose();
   return {K * z.value, symmetrised(A * P * A.transpose() + K * R * K.transpose())};
@@ -259,11 +260,11 @@ Fused fuse(const Mat6& prior, const Subspace& space, const Reduced& z) {
 /// Independent and coherent covariance of the pairs' solution on the observable directions (scaled coordinates).
 Reduced reduce(const Sums& s, const Subspace& space, const Mat6& S, const Vec6& y_linearised) {
   const auto& U = space.seen;
-  const Eigen::MatrixXd information = U.transpose() * S * s.H * S * U;
-  const Eigen::MatrixXd G = inverse_of_spd(information);
+  const MatX6 information = U.transpose() * S * s.H * S * U;
+  const MatX6 G = inverse_of_spd(information);
   const auto sandwich = [&](const Mat6& middle) {
-    const Eigen::MatrixXd m = G * (U.transpose() * S * middle * S * U) * G;
-    return Eigen::MatrixXd(0.5 * (m + m.transpose()));
+    const MatX6 m = G * (U.transpose() * S * middle * S * U) * G;
+    return MatX6(0.5 * (m + m.transpose()));
   };
   Reduced z;
   z.value = U.transpose() * y_linearised - G * (U.transpose() * S * s.g);
@@ -338,8 +339,8 @@ Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief&
   if (result.chi2_dof > 0.0 && result.chi2 > chi2_quantile(kInflationProbability, result.chi2_dof)) {
     z.independent *= result.chi2 / result.chi2_dof;
   }
-  const Eigen::MatrixXd total = z.independent + z.correlated;
-  const Eigen::MatrixXd total_inverse = inverse_of_spd(total);
+  const MatX6 total = z.independent + z.correlated;
+  const MatX6 total_inverse = inverse_of_spd(total);
   const Mat6X A = border_from_left(X) * S_inverse * space.seen;  // border_from_left is orthogonal
   result.information_border = symmetrised(A * total_inverse * A.transpose());
   Mat6 keep = Mat6::Identity();
@@ -349,7 +350,7 @@ Registration register_planes(std::span<const PlanePair> pairs, const PoseBelief&
   }
   const Mat6X B = keep * border_from_scaled * space.seen;
   result.correlated_border = symmetrised(B * z.correlated * B.transpose());
-  const Eigen::MatrixXd innovation = space.seen.transpose() * P_scaled * space.seen + total;
+  const MatX6 innovation = space.seen.transpose() * P_scaled * space.seen + total;
   result.innovation2 = z.value.dot(inverse_of_spd(innovation) * z.value);
   const Fused fused = fuse(P_scaled, space, z);
   result.posterior.X_WV = prior.X_WV;
