@@ -16,6 +16,10 @@ namespace {
 constexpr int kAdapterBaud = 115200;
 constexpr Duration kWriteLimit = std::chrono::milliseconds(100);
 constexpr int kMostReads = 64;
+// What a kernel's queue holds at most, several times over; it is a bound, not a pace.
+constexpr int kMostDrained = 4096;
+// How far back a frame of an adapter is usually dated: a batch of a USB packet.
+constexpr Duration kAdapterLag = std::chrono::milliseconds(5);
 // An adapter that restarted has forgotten that it was opened.
 constexpr Duration kAdapterSilence = std::chrono::seconds(2);
 
@@ -122,6 +126,7 @@ void CanBus::announce_open(Time now) {
   head_ = 0;
   count_ = 0;
   last_error_.clear();
+  settle(now);
   tap_.on_can_link(now, true);
   front_end_->on_can_link(now, true);
 }
@@ -142,36 +147,46 @@ void CanBus::close(std::string why) {
 
 void CanBus::on_event(std::uint32_t events) {
   if (socket_) {
-    read_socket();
+    read_socket(kMostReads);
   } else {
-    read_adapter();
+    read_adapter(kMostReads);
   }
   if (is_open() && (events & (EPOLLHUP | EPOLLERR)) != 0U) { close(config_.device + " was unplugged or closed"); }
   if (is_open()) { pump(); }
 }
 
-void CanBus::read_socket() {
-  for (int k = 0; k < kMostReads && socket_; ++k) {
+Time CanBus::drain(Time until) {
+  if (!is_open()) { return until; }
+  const bool is_empty = socket_ ? read_socket(kMostDrained) : read_adapter(kMostReads);
+  if (!is_empty) { return t_last_; }
+  return adapter_ ? until - kAdapterLag : until;
+}
+
+/// False when it left something unread.
+bool CanBus::read_socket(int most_reads) {
+  for (int k = 0; k < most_reads && socket_; ++k) {
     const CanSocket::Received got = socket_->read();
-    if (got.status == IoStatus::WouldBlock) { break; }
+    if (got.status == IoStatus::WouldBlock) { return true; }
     if (got.status != IoStatus::Done) {
       close(fmt::format("{} went down: {}", config_.device, errno_text(got.error)));
-      return;
+      return true;
     }
     reopen_.on_success();
     counters_.kernel_drops = socket_->dropped();
     deliver(clock_() - got.age, got.frame);
   }
+  return false;
 }
 
-void CanBus::read_adapter() {
-  for (int k = 0; k < kMostReads && adapter_; ++k) {
+/// False when it left something unread.
+bool CanBus::read_adapter(int most_reads) {
+  for (int k = 0; k < most_reads && adapter_; ++k) {
     const IoResult got = adapter_->read(buffer_);
     const Time now = clock_();
-    if (got.status == IoStatus::WouldBlock) { break; }
+    if (got.status == IoStatus::WouldBlock) { return true; }
     if (got.status != IoStatus::Done) {
       close(fmt::format("{} was unplugged or closed", config_.device));
-      return;
+      return true;
     }
     reopen_.on_success();
     batch_size_ = 0;
@@ -180,6 +195,7 @@ void CanBus::read_adapter() {
     if (batch_size_ > 0) { t_heard_ = now; }
     deliver_batch(now);
   }
+  return false;
 }
 
 void CanBus::on_slcan_frame(const CanFrame& frame) {

@@ -52,6 +52,10 @@ class CanBus final : private EventHandler, private SlcanSink {
   /// Opens the link when due and sends what had to wait.
   void step();
   void write(const CanFrame& frame);
+  /// Hands over what has arrived. Returns the instant up to which nothing more is to come: `until` with a socket, whose
+  /// frames carry the kernel's stamps; a little earlier with an adapter, whose frames are dated back; earlier still
+  /// when so much waits that it is left to the next call.
+  Time drain(Time until);
   /// Frames delivered from now on are stamped later than t.
   void settle(Time t) { t_last_ = std::max(t_last_, t); }
 
@@ -79,8 +83,8 @@ class CanBus final : private EventHandler, private SlcanSink {
   void remind_adapter(Time now);
   void announce_open(Time now);
   void close(std::string why);
-  void read_socket();
-  void read_adapter();
+  bool read_socket(int most_reads);
+  bool read_adapter(int most_reads);
   void deliver_batch(Time t_receive);
   void deliver(Time t, const CanFrame& frame);
   void pump();

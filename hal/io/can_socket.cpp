@@ -49,12 +49,12 @@ can_frame to_kernel(const CanFrame& frame) {
   return raw;
 }
 
-/// Stamps are of the wall clock: only their age now is of use. A clock that was just set gives nonsense, told as 0.
-Duration age_of(const timespec& stamp) {
-  timespec now{};
-  if (::clock_gettime(CLOCK_REALTIME, &now) != 0) { return Duration{0}; }
+/// Stamps are of the wall clock: only their age now is of use. A clock that was just set gives nonsense: told as 0, or
+/// too old, which the order of delivery corrects.
+Duration age_of(const timespec& stamp, const timespec& now) {
+  constexpr Duration kMostAge = std::chrono::seconds(60);
   const Duration age = std::chrono::seconds(now.tv_sec - stamp.tv_sec) + Duration{now.tv_nsec - stamp.tv_nsec};
-  const bool is_sane = age >= Duration{0} && age < std::chrono::seconds(1);
+  const bool is_sane = age >= Duration{0} && age < kMostAge;
   return is_sane ? age : Duration{0};
 }
 
@@ -64,6 +64,12 @@ bool is_gone(int error) {
 }
 
 }  // namespace
+
+timespec wall_now() {
+  timespec now{};
+  [[maybe_unused]] const int status = ::clock_gettime(CLOCK_REALTIME, &now);  // cannot fail for this clock
+  return now;
+}
 
 Result<CanSocket> CanSocket::open(const std::string& interface, std::span<const std::uint32_t> identifiers) {
   UniqueFd fd(::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
@@ -126,7 +132,7 @@ CanSocket::Received CanSocket::read() {
     if (c->cmsg_type == SO_TIMESTAMPNS) {
       timespec stamp{};
       std::memcpy(&stamp, CMSG_DATA(c), sizeof(stamp));
-      received.age = age_of(stamp);
+      received.age = age_of(stamp, wall_());
     } else if (c->cmsg_type == SO_RXQ_OVFL) {
       std::memcpy(&dropped_, CMSG_DATA(c), sizeof(dropped_));
     }

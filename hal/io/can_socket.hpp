@@ -2,6 +2,7 @@
 // A raw SocketCAN socket: classic frames and error frames, kernel time stamps.
 
 #include <cstdint>
+#include <ctime>
 #include <span>
 #include <string>
 
@@ -11,6 +12,10 @@
 #include "hal/io/unique_fd.hpp"
 
 namespace rosid::hal {
+
+/// CLOCK_REALTIME, which the kernel stamps frames with.
+timespec wall_now();
+using WallClock = timespec (*)();
 
 /// Non-blocking. One thread.
 class CanSocket {
@@ -26,7 +31,8 @@ class CanSocket {
   /// (no such interface), Io.
   static Result<CanSocket> open(const std::string& interface, std::span<const std::uint32_t> identifiers);
   /// Takes over a socket that carries struct can_frame, for example one end of a socket pair.
-  explicit CanSocket(UniqueFd fd) : fd_(std::move(fd)) {}
+  /// `wall` must run as the clock of the kernel's stamps does.
+  explicit CanSocket(UniqueFd fd, WallClock wall = wall_now) : fd_(std::move(fd)), wall_(wall) {}
 
   Received read();
   /// WouldBlock when the interface's queue is full: try again later.
@@ -37,6 +43,7 @@ class CanSocket {
 
  private:
   UniqueFd fd_;
+  WallClock wall_;
   std::uint32_t dropped_ = 0;
 };
 

@@ -11,8 +11,6 @@ namespace rosid::hal {
 
 namespace {
 constexpr Duration kTickPeriod = std::chrono::milliseconds(10);
-// How far back a frame is usually dated: a batch of an adapter, a thread that came late.
-constexpr Duration kTickLag = std::chrono::milliseconds(5);
 // A command that waits for the line to drain is looked at this often.
 constexpr Duration kBusyPeriod = std::chrono::milliseconds(1);
 }  // namespace
@@ -45,17 +43,16 @@ void DeviceLinks::attach(FrontEnd& front_end) {
 
 void DeviceLinks::poll(Duration max_wait) {
   ROSID_EXPECT(front_end_ != nullptr);
-  const Time begin = clock_();
   laser_.step();
   can_.step();
   const bool is_busy = laser_.is_busy() || can_.is_busy();
-  const EventLoop::Outcome outcome = loop_.wait(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
-  t_settled_ = std::max(t_settled_, begin);
-  if (outcome.is_tick) {
-    // Time-outs wait for frames that were on the bus before them and are only read now.
-    t_settled_ = std::max(t_settled_, clock_() - kTickLag);
-    tap_.on_tick(t_settled_, *front_end_);
-  }
+  const EventLoop::Ready ready = loop_.await(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
+  // After a stall the bus holds frames with stamps of the past. They go first: nothing that is stamped now may run a
+  // time-out, or settle an instant, that they come before.
+  const Time t_drained = can_.drain(clock_());
+  EventLoop::dispatch(ready);
+  t_settled_ = std::max(t_settled_, t_drained);
+  if (ready.outcome.is_tick) { tap_.on_tick(t_settled_, *front_end_); }
   can_.settle(t_settled_);
 }
 

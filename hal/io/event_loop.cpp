@@ -65,23 +65,34 @@ void EventLoop::unwatch(int fd) {
   static_cast<void>(::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, fd, nullptr));
 }
 
-EventLoop::Outcome EventLoop::wait(Duration max_wait) {
+EventLoop::Ready EventLoop::await(Duration max_wait) {
   // One event a call: a handler may close what a later event of the same batch would refer to.
   epoll_event event{};
   const auto wait_ms = std::chrono::ceil<std::chrono::milliseconds>(std::max(max_wait, Duration{0})).count();
   const int n = ::epoll_wait(epoll_.get(), &event, 1, static_cast<int>(std::min<std::int64_t>(wait_ms, 60'000)));
-  Outcome outcome;
-  if (n <= 0) { return outcome; }
+  Ready ready;
+  if (n <= 0) { return ready; }
   if (event.data.u64 == kTimerMark) {
     drain_counter(timer_.get());
-    outcome.is_tick = true;
+    ready.outcome.is_tick = true;
   } else if (event.data.u64 == kWakeMark) {
     drain_counter(wake_.get());
-    outcome.is_woken = true;
+    ready.outcome.is_woken = true;
   } else {
-    static_cast<EventHandler*>(event.data.ptr)->on_event(event.events);
+    ready.handler = static_cast<EventHandler*>(event.data.ptr);
+    ready.events = event.events;
   }
-  return outcome;
+  return ready;
+}
+
+void EventLoop::dispatch(const Ready& ready) {
+  if (ready.handler != nullptr) { ready.handler->on_event(ready.events); }
+}
+
+EventLoop::Outcome EventLoop::wait(Duration max_wait) {
+  const Ready ready = await(max_wait);
+  dispatch(ready);
+  return ready.outcome;
 }
 
 void EventLoop::wake() const {

@@ -32,7 +32,17 @@ class EventLoop {
     bool is_tick = false;  ///< the timer expired
     bool is_woken = false;
   };
-  /// Waits for at most max_wait and calls the handlers of what is ready. Handlers may watch and unwatch.
+  /// What is ready, not handled yet.
+  struct Ready {
+    Outcome outcome;
+    EventHandler* handler = nullptr;
+    std::uint32_t events = 0;
+  };
+  /// Waits for at most max_wait. The handler must live until dispatch(), which may find its descriptor closed.
+  Ready await(Duration max_wait);
+  /// Calls the handler of what is ready, if it has one. Handlers may watch and unwatch.
+  static void dispatch(const Ready& ready);
+  /// Both.
   Outcome wait(Duration max_wait);
 
   /// Any thread, also from a signal handler: lets wait() return.

@@ -27,6 +27,7 @@ using test::PtyPair;
 class Recording final : public LinkTap {
  public:
   void on_laser_received(Time t, std::span<const std::uint8_t> bytes) override {
+    if (received.empty()) { frames_at_first_bytes = can_received.size(); }
     received.push_back({t, {bytes.begin(), bytes.end()}});
   }
   void on_laser_sent(Time /*t*/, std::span<const std::uint8_t> bytes) override { sent_bytes += bytes.size(); }
@@ -49,6 +50,7 @@ class Recording final : public LinkTap {
     bool is_open;
   };
   std::vector<Chunk> received;
+  std::size_t frames_at_first_bytes = 0;
   const DeviceLinks* links = nullptr;
   std::size_t sent_bytes = 0;
   std::vector<Link> laser_links;
@@ -312,6 +314,65 @@ TEST(DeviceLinks, NoFrameIsDatedBackBeforeWhatIsSettled) {
     }
     ASSERT_EQ(host.tap.can_received.size(), 10 * batch);  // the tap looks at the stamps
   }
+}
+
+Duration stall_time{0};
+Time stalled_now() {
+  return monotonic_now() + stall_time;
+}
+timespec stalled_wall() {
+  const timespec now = wall_now();
+  const Duration since_epoch = std::chrono::seconds(now.tv_sec) + Duration{now.tv_nsec} + stall_time;
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(since_epoch);
+  return {.tv_sec = seconds.count(), .tv_nsec = (since_epoch - seconds).count()};
+}
+
+// A thread that was kept from running for 300 ms finds more frames on the bus than it reads at once, and laser bytes
+// and a tick beside them. The clocks are moved in place of waiting; the stamps are the kernel's own.
+TEST(DeviceLinks, KernelStampsOutliveAStallOfTheThread) {
+  int ends[2];
+  ASSERT_EQ(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends), 0);
+  const int on = 1;
+  ASSERT_EQ(::setsockopt(ends[0], SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof(on)), 0);
+  CanSocket bus{UniqueFd(ends[1])};
+  PtyPair laser;
+  HalConfig config;
+  config.laser.device = laser.path();
+  config.can.device = "rosid-nocan0";
+  stall_time = Duration{0};
+  Host host(config, stalled_now);
+  host.links->adopt_can(CanSocket(UniqueFd(ends[0]), stalled_wall));
+  ASSERT_TRUE(host.run(2.0, [&] { return !host.tap.laser_links.empty(); }));
+
+  laser.write(std::array<std::uint8_t, 3>{0x02, 0x81, 0x00});
+  struct Bracket {
+    Time before;
+    Time after;
+  };
+  std::vector<Bracket> brackets;
+  constexpr std::size_t kFrames = 150;
+  while (brackets.size() < kFrames) {
+    const Time before = stalled_now();
+    ASSERT_EQ(bus.write({.id = 0x183, .length = 4, .data = {static_cast<std::uint8_t>(brackets.size())}}),
+              IoStatus::Done);
+    brackets.push_back({before, stalled_now()});
+  }
+  stall_time = std::chrono::milliseconds(300);
+
+  EXPECT_TRUE(host.run(2.0, [&] { return host.tap.can_received.size() >= kFrames && !host.tap.received.empty(); }));
+  ASSERT_EQ(host.tap.can_received.size(), kFrames);
+  // Half the stall is room for a machine that is busy with something else.
+  const Duration room = stall_time / 2;
+  for (std::size_t k = 0; k < kFrames; ++k) {
+    const auto& [t, frame] = host.tap.can_received[k];
+    EXPECT_EQ(frame.data[0], static_cast<std::uint8_t>(k));
+    EXPECT_GT(t, brackets[k].before - room) << k;
+    EXPECT_LT(t, brackets[k].after + room) << k;
+  }
+  // What is stamped now came after everything the bus had: nobody's silence ended in between.
+  EXPECT_GT(host.tap.received.front().t, host.tap.can_received.back().first);
+  EXPECT_EQ(host.tap.frames_at_first_bytes, kFrames);
+  EXPECT_EQ(host.front_end.health()[static_cast<std::size_t>(Device::Can)].lost, 0U);
 }
 
 TEST(DeviceLinks, ACanSocketIsReadAndWritten) {
