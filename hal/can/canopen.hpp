@@ -43,6 +43,9 @@ inline constexpr Object kProducerHeartbeat{0x1017, 0};   ///< u16, milliseconds
 inline constexpr Object kTpdo1CobId{0x1800, 1};          ///< u32, bit 31: switched off
 inline constexpr Object kTpdo1Type{0x1800, 2};           ///< u8, 0xFE or 0xFF: by event and timer
 inline constexpr Object kTpdo1EventTimer{0x1800, 5};     ///< u16, milliseconds
+inline constexpr Object kTpdo1Mapped{0x1A00, 0};         ///< u8, number of mapped objects
+inline constexpr Object kTpdo1First{0x1A00, 1};          ///< u32, index, sub-index and bits of the first
+inline constexpr Object kTpdo1Second{0x1A00, 2};         ///< u32, of the second
 inline constexpr Object kEncoderTotalRange{0x6002, 0};   ///< u32, CiA 406
 inline constexpr Object kEncoderPosition{0x6004, 0};     ///< u32, CiA 406
 inline constexpr Object kEncoderCyclicTimer{0x6200, 0};  ///< u16, milliseconds, CiA 406

@@ -50,6 +50,7 @@ void Node::begin(Time now) {
   phase_ = Phase::Setup;
   has_answered_ = false;
   tpdo1_entry_ = 0;
+  is_mapping_wrong_ = false;
   step_ = 0;
   tries_ = 0;
   send_nmt(NmtCommand::PreOperational);
@@ -65,10 +66,16 @@ void Node::send_step(Time now) {
   ++tries_;
   deadline_ = now + kSdoTimeout;
   switch (step.kind) {
-    case SetupStep::Kind::Read: actions_.send(sdo_read_request(node_id_, step.object)); break;
+    case SetupStep::Kind::Read:
+    case SetupStep::Kind::ReadMapping: actions_.send(sdo_read_request(node_id_, step.object)); break;
     case SetupStep::Kind::Write:
     case SetupStep::Kind::WriteIfRefused:
+    case SetupStep::Kind::WriteMapping:
       actions_.send(sdo_write_request(node_id_, step.object, step.value, step.size));
+      break;
+    case SetupStep::Kind::DisableTpdo1:
+      tpdo1_entry_ |= kCobOff;
+      actions_.send(sdo_write_request(node_id_, step.object, tpdo1_entry_, 4));
       break;
     case SetupStep::Kind::EnableTpdo1:
       actions_.send(sdo_write_request(node_id_, step.object, tpdo1_entry_ & ~kCobOff, 4));
@@ -76,13 +83,23 @@ void Node::send_step(Time now) {
   }
 }
 
+bool Node::is_skipped(const SetupStep& step, bool was_refused) const {
+  switch (step.kind) {
+    case SetupStep::Kind::WriteIfRefused: return !was_refused;
+    case SetupStep::Kind::DisableTpdo1:
+    case SetupStep::Kind::WriteMapping: return !is_mapping_wrong_;
+    case SetupStep::Kind::EnableTpdo1: return (tpdo1_entry_ & kCobOff) == 0U;
+    default: return false;
+  }
+}
+
+bool Node::is_read_step() const {
+  return steps_[step_].kind == SetupStep::Kind::Read || steps_[step_].kind == SetupStep::Kind::ReadMapping;
+}
+
 void Node::next_step(Time now, bool was_refused) {
   ++step_;
-  while (step_ < steps_.size()) {
-    const SetupStep::Kind kind = steps_[step_].kind;
-    const bool is_skipped = (kind == SetupStep::Kind::WriteIfRefused && !was_refused) ||
-                            (kind == SetupStep::Kind::EnableTpdo1 && (tpdo1_entry_ & kCobOff) == 0U);
-    if (!is_skipped) { break; }
+  while (step_ < steps_.size() && is_skipped(steps_[step_], was_refused)) {
     was_refused = false;
     ++step_;
   }
@@ -164,7 +181,7 @@ void Node::on_sdo(Time now, const CanFrame& frame) {
   if (phase_ != Phase::Setup || message->object != steps_[step_].object) { return; }  // an answer that came too late
   has_answered_ = true;
   if (message->kind == SdoMessage::Kind::Abort) { ++counters_.sdo_aborts; }
-  const bool is_read = steps_[step_].kind == SetupStep::Kind::Read;
+  const bool is_read = is_read_step();
   const auto expected = is_read ? SdoMessage::Kind::Read : SdoMessage::Kind::Write;
   const bool is_done = message->kind == expected;
   if (is_done && is_read) {
@@ -173,6 +190,8 @@ void Node::on_sdo(Time now, const CanFrame& frame) {
       const std::uint32_t cob_id = message->value & kCobIdMask;
       if (cob_id != 0 && (message->value & kCobExtended) == 0U) { tpdo1_id_ = cob_id; }
     }
+    const SetupStep& step = steps_[step_];
+    if (step.kind == SetupStep::Kind::ReadMapping && message->value != step.value) { is_mapping_wrong_ = true; }
     actions_.on_object(message->object, message->value);
   }
   next_step(now, !is_done);

@@ -20,7 +20,10 @@ struct SetupStep {
     Read,  ///< the value goes to NodeActions::on_object
     Write,
     WriteIfRefused,  ///< only when the device refused the step before: its older way to say the same
-    EnableTpdo1,     ///< only when the identifier read before is marked as switched off
+    ReadMapping,     ///< a value other than this one has the steps below done, none, or no answer, has not
+    DisableTpdo1,    ///< before the mapping is changed
+    WriteMapping,
+    EnableTpdo1,  ///< only when it was switched off, by the steps above or before
   };
   Kind kind = Kind::Read;
   Object object;
@@ -88,6 +91,8 @@ class Node {
 
   void begin(Time now);
   void next_step(Time now, bool was_refused);
+  bool is_skipped(const SetupStep& step, bool was_refused) const;
+  bool is_read_step() const;
   void send_step(Time now);
   void start_node(Time now);
   void on_sdo(Time now, const CanFrame& frame);
@@ -113,7 +118,8 @@ class Node {
   int bad_streak_ = 0;          // process data in a row that were not accepted
   Duration pause_{};
   std::uint16_t emergency_ = 0;
-  std::uint32_t tpdo1_entry_ = 0;  // object 1800.1 as read
+  std::uint32_t tpdo1_entry_ = 0;  // object 1800.1 as read or written
+  bool is_mapping_wrong_ = false;
   Time t_last_data_;
   Time t_last_frame_;  // of process data, accepted or not
   std::array<std::uint8_t, 8> last_data_{};

@@ -22,8 +22,20 @@ constexpr SetupStep kSetType{SetupStep::Kind::Write, canopen::kTpdo1Type, kByEve
 constexpr SetupStep kSetTimer{SetupStep::Kind::Write, canopen::kTpdo1EventTimer, kEventTimer_ms, 2};
 constexpr SetupStep kEnable{SetupStep::Kind::EnableTpdo1, canopen::kTpdo1CobId, 0, 4};
 
+// The mapping is written only where it differs: index, sub-index and bits of what has to come first.
+constexpr std::uint32_t kMapPosition = 0x60040020;
+constexpr std::uint32_t kMapLongitudinal = 0x60100010;
+constexpr std::uint32_t kMapLateral = 0x60200010;
+constexpr SetupStep kDisable{SetupStep::Kind::DisableTpdo1, canopen::kTpdo1CobId, 0, 4};
+constexpr SetupStep kUnmap{SetupStep::Kind::WriteMapping, canopen::kTpdo1Mapped, 0, 1};
+
 constexpr std::array kEncoderSteps{
     kReadCobId,
+    SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1First, kMapPosition, 0},
+    kDisable,
+    kUnmap,
+    SetupStep{SetupStep::Kind::WriteMapping, canopen::kTpdo1First, kMapPosition, 4},
+    SetupStep{SetupStep::Kind::WriteMapping, canopen::kTpdo1Mapped, 1, 1},
     kSetHeartbeat,
     kSetType,
     kSetTimer,
@@ -32,7 +44,18 @@ constexpr std::array kEncoderSteps{
     kEnable,
 };
 constexpr std::array kTiltSteps{
-    kReadCobId, kSetHeartbeat, kSetType, kSetTimer, SetupStep{SetupStep::Kind::Read, canopen::kTiltResolution, 0, 0},
+    kReadCobId,
+    SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1First, kMapLongitudinal, 0},
+    SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1Second, kMapLateral, 0},
+    kDisable,
+    kUnmap,
+    SetupStep{SetupStep::Kind::WriteMapping, canopen::kTpdo1First, kMapLongitudinal, 4},
+    SetupStep{SetupStep::Kind::WriteMapping, canopen::kTpdo1Second, kMapLateral, 4},
+    SetupStep{SetupStep::Kind::WriteMapping, canopen::kTpdo1Mapped, 2, 1},
+    kSetHeartbeat,
+    kSetType,
+    kSetTimer,
+    SetupStep{SetupStep::Kind::Read, canopen::kTiltResolution, 0, 0},
     kEnable,
 };
 

@@ -55,6 +55,10 @@ class FakeNode {
     } else if (message->kind == co::SdoMessage::Kind::Read) {
       answers.push_back(co::sdo_read_answer(id_, message->object, found->second.value, found->second.size));
     } else {
+      if (message->object.index == co::kTpdo1Mapped.index) {
+        ++mapping_writes;
+        if ((objects[key(co::kTpdo1CobId)].value & 0x80000000U) == 0) { ++writes_while_on; }
+      }
       found->second.value = message->value;
       answers.push_back(co::sdo_write_answer(id_, message->object));
     }
@@ -81,6 +85,8 @@ class FakeNode {
   bool answers_sdo = true;
   bool is_operational = false;
   int nmt = 0;
+  int mapping_writes = 0;
+  int writes_while_on = 0;  // of these
 
  private:
   Bench& bench_;
@@ -219,6 +225,26 @@ TEST(CanSensors, AnEncoderWithoutEventTimerIsTimedTheOldWay) {
   EXPECT_EQ(vehicle.turret.objects[FakeNode::key(co::kEncoderCyclicTimer)].value, 10U);
   EXPECT_EQ(vehicle.right.objects[FakeNode::key(co::kEncoderCyclicTimer)].value, 100U);
   EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Running);
+}
+
+TEST(CanSensors, AMappingThatDiffersIsWrittenWhileTheProcessDataAreOff) {
+  Vehicle vehicle;
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)] = {1, 1};
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1First)] = {0x60300110U, 4};  // speed
+  vehicle.tilt.objects[FakeNode::key(co::kTpdo1Mapped)] = {2, 1};
+  vehicle.tilt.objects[FakeNode::key(co::kTpdo1First)] = {0x60100010U, 4};
+  vehicle.tilt.objects[FakeNode::key(co::kTpdo1Second)] = {0x60200010U, 4};
+  vehicle.bench.front_end.on_can_link(vehicle.bench.now, true);
+  vehicle.run(2.0);
+  EXPECT_EQ(vehicle.turret.objects[FakeNode::key(co::kTpdo1First)].value, 0x60040020U);
+  EXPECT_EQ(vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)].value, 1U);
+  EXPECT_EQ(vehicle.turret.objects[FakeNode::key(co::kTpdo1CobId)].value, 0x183U);  // on again
+  EXPECT_EQ(vehicle.turret.writes_while_on, 0);
+  EXPECT_EQ(vehicle.turret.mapping_writes, 3);
+  EXPECT_EQ(vehicle.tilt.mapping_writes, 0);
+  EXPECT_EQ(vehicle.left.mapping_writes, 0);  // it does not tell its mapping: taken as it is
+  EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Running);
+  EXPECT_EQ(vehicle.state(Device::Tilt), DeviceState::Running);
 }
 
 TEST(CanSensors, ARebootIsSetUpAgainAndTheCountMarkedLost) {
