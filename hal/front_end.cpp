@@ -18,8 +18,16 @@ constexpr Duration kCanSilence = std::chrono::milliseconds(1000);
 constexpr Duration kStall = std::chrono::milliseconds(100);
 
 // Classes of SocketCAN error frames.
+constexpr std::uint32_t kCanController = 0x04;
 constexpr std::uint32_t kCanBusOff = 0x40;
 constexpr std::uint32_t kCanRestarted = 0x100;
+// Its second data byte when the class is "controller".
+constexpr unsigned kCanWarning = 0x0C;  // receiver or transmitter
+constexpr unsigned kCanPassive = 0x30;
+constexpr unsigned kCanActive = 0x40;
+
+/// What the CAN controller said last about itself.
+enum class BusCondition : std::uint8_t { Active, Warning, Passive, Off };
 
 double counts_per_second(double speed, double unit_per_count) {
   return speed / std::max(std::abs(unit_per_count), 1e-9);
@@ -68,6 +76,9 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
   }
 
   void on_encoder(const EncoderSensor& sensor, const EncoderReading& reading) override {
+    const std::size_t which = &sensor == &turret ? 2 : (&sensor == &wheel_left ? 0 : 1);
+    if (reading.count != last_count[which]) { laser.on_motion(reading.t); }
+    last_count[which] = reading.count;
     if (&sensor == &turret) {
       emit_turret(reading);
       return;
@@ -95,16 +106,29 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
     });
   }
 
+  void on_can_error(const CanFrame& frame) {
+    ++can_health().emergencies;
+    const unsigned cause = frame.data[1];
+    if ((frame.id & kCanBusOff) != 0U) {
+      bus = BusCondition::Off;
+    } else if ((frame.id & kCanRestarted) != 0U) {
+      bus = BusCondition::Active;
+    } else if ((frame.id & kCanController) != 0U) {
+      // Overflows say nothing about the bus.
+      if ((cause & kCanActive) != 0U) { bus = BusCondition::Active; }
+      if ((cause & kCanWarning) != 0U) { bus = BusCondition::Warning; }
+      if ((cause & kCanPassive) != 0U) { bus = BusCondition::Passive; }
+    }
+  }
+
   void on_can_frame(Time t, const CanFrame& frame) {
     t_can_frame = t;
     if (frame.is_error) {
-      ++can_health().emergencies;
-      if ((frame.id & kCanBusOff) != 0U) { is_bus_off = true; }
-      if ((frame.id & kCanRestarted) != 0U) { is_bus_off = false; }
+      on_can_error(frame);
       return;
     }
     DeviceHealth& health = can_health();
-    is_bus_off = false;
+    if (bus == BusCondition::Off) { bus = BusCondition::Active; }
     has_can_frame = true;
     health.bytes += frame.length;
     if (frame.length > frame.data.size()) {
@@ -119,9 +143,21 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
   DeviceState can_state(Time now) const {
     if (!config.can.enabled) { return DeviceState::Disabled; }
     if (!is_can_open) { return DeviceState::Absent; }
-    if (is_bus_off) { return DeviceState::Faulty; }
+    if (bus == BusCondition::Off) { return DeviceState::Faulty; }
     if (!has_can_frame) { return DeviceState::Connecting; }
     return now - t_can_frame > kCanSilence ? DeviceState::Silent : DeviceState::Running;
+  }
+
+  const char* bus_detail() {
+    switch (bus) {
+      case BusCondition::Off: return "bus-off: the controller has left the bus";
+      case BusCondition::Passive: return "error-passive: check bit rate, termination and cable";
+      case BusCondition::Warning: return "error counters beyond the warning level; check termination and cable";
+      case BusCondition::Active: break;
+    }
+    return can_health().state == DeviceState::Running
+               ? "open"
+               : "open, but no frame comes; check bit rate, termination and power";
   }
 
   DeviceHealth& can_health() { return table[index(Device::Can)]; }
@@ -145,9 +181,10 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
   TiltSensor tilt;
   WheelPair wheels;
   std::uint32_t turret_sequence = 0;
+  std::array<std::int64_t, 3> last_count{};  // left, right, turret
   bool is_can_open = false;
   bool has_can_frame = false;
-  bool is_bus_off = false;
+  BusCondition bus = BusCondition::Active;
   std::uint64_t can_opened = 0;
   Time t_can_frame;
 };
@@ -180,7 +217,7 @@ void FrontEnd::on_can_link(Time now, bool is_open) {
   impl_->advance_can(now);
   impl_->is_can_open = is_open;
   impl_->has_can_frame = false;
-  impl_->is_bus_off = false;
+  impl_->bus = BusCondition::Active;
   if (is_open) { impl_->can_health().reconnects = impl_->can_opened++; }
   impl_->for_each_node([now, is_open](canopen::Node& node) { node.on_link(now, is_open); });
   impl_->publish_can();
@@ -201,17 +238,14 @@ const DeviceHealthTable& FrontEnd::health() const {
 
 const char* FrontEnd::detail(Device device) const {
   switch (device) {
-    case Device::Laser: return impl_->laser.session().detail();
+    case Device::Laser: return impl_->laser.detail();
     case Device::Turret: return impl_->turret.node().detail();
     case Device::WheelLeft: return impl_->wheel_left.node().detail();
     case Device::WheelRight: return impl_->wheel_right.node().detail();
     case Device::Tilt: return impl_->tilt.node().detail();
     case Device::Can:
       if (!impl_->is_can_open) { return "link is closed"; }
-      if (impl_->is_bus_off) { return "bus-off: the controller has left the bus"; }
-      return impl_->can_health().state == DeviceState::Running
-                 ? "open"
-                 : "open, but no frame comes; check bit rate, termination and power";
+      return impl_->bus_detail();
   }
   return "unknown";
 }

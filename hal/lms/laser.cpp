@@ -79,10 +79,17 @@ void Laser::on_measured(const Telegram& telegram) {
     return;
   }
   session_.on_scan(now_, measured->status);
-  if (is_first) { clock_.reset(); }
+  if (is_first) {
+    clock_.reset();
+    watch_.reset();
+  }
   const bool is_in_order = stamp_line(telegram, *measured);
   const bool is_sound = (measured->status & status::kSeverityMask) < status::kError;
-  if (!is_in_order || !is_sound) {
+  const auto beams = std::span(line_.range_m).first(line_.beam_count);
+  const bool has_range = std::any_of(beams.begin(), beams.end(), [](float range_m) { return !std::isnan(range_m); });
+  const bool is_frozen =
+      watch_.add(telegram.t_first_byte, measured->words, line_.phase, has_range) == ScanWatch::Finding::Frozen;
+  if (!is_in_order || !is_sound || is_frozen) {
     ++health_.rejected;
     return;
   }
@@ -122,6 +129,10 @@ void Laser::on_nak(Time /*t*/) {
   session_.on_nak(now_);
 }
 
+void Laser::on_damaged(std::span<const std::uint8_t> payload) {
+  if (is_scan_shaped(payload)) { session_.on_damaged_scan(now_); }
+}
+
 void Laser::write(std::span<const std::uint8_t> bytes) {
   sink_.write_laser(bytes);
 }
@@ -132,8 +143,20 @@ void Laser::set_baud(int baud) {
   sink_.set_laser_baud(baud);
 }
 
+const char* Laser::detail() const {
+  if (session_.state() == DeviceState::Running) {
+    switch (watch_.finding()) {
+      case ScanWatch::Finding::Frozen: return "the same scan comes again and again; switch the device off and on";
+      case ScanWatch::Finding::Blind: return "no beam has a range; check the window for a cover, dirt or dazzle";
+      case ScanWatch::Finding::Sound: break;
+    }
+  }
+  return session_.detail();
+}
+
 void Laser::publish_health() {
-  health_.state = session_.state();
+  const bool is_sound = watch_.finding() == ScanWatch::Finding::Sound;
+  health_.state = session_.state() == DeviceState::Running && !is_sound ? DeviceState::Faulty : session_.state();
   health_.bytes = parser_.counters().bytes;
   health_.checksum_errors = parser_.counters().checksum_errors;
   health_.reconnects = std::max<std::uint64_t>(session_.counters().starts, 1) - 1;

@@ -12,6 +12,7 @@
 #include "hal/front_end.hpp"
 #include "hal/lms/mirror_clock.hpp"
 #include "hal/lms/scan_decoder.hpp"
+#include "hal/lms/scan_watch.hpp"
 #include "hal/lms/session.hpp"
 #include "hal/lms/telegram.hpp"
 
@@ -26,15 +27,21 @@ class Laser final : private ParserSink, private SessionActions {
   void on_bytes(Time t_receive, std::span<const std::uint8_t> bytes);
   void on_link(Time now, bool is_open);
   void tick(Time now);
+  /// Wheels or turret moved.
+  void on_motion(Time t) { watch_.on_motion(t); }
 
   const Session& session() const { return session_; }
   const Parser& parser() const { return parser_; }
   const MirrorClock& clock() const { return clock_; }
+  const ScanWatch& watch() const { return watch_; }
+  /// What it is doing or what is wrong, for a person. Static storage.
+  const char* detail() const;
 
  private:
   void on_telegram(const Telegram& telegram) override;
   void on_ack(Time t) override;
   void on_nak(Time t) override;
+  void on_damaged(std::span<const std::uint8_t> payload) override;
   void write(std::span<const std::uint8_t> bytes) override;
   void set_baud(int baud) override;
 
@@ -50,6 +57,7 @@ class Laser final : private ParserSink, private SessionActions {
   Parser parser_{ParserRole::Host};
   Session session_;
   MirrorClock clock_;
+  ScanWatch watch_;
   ScanLine line_;
   Time now_;  // of the call that is being handled
 };

@@ -82,6 +82,11 @@ tl::expected<Measured, ScanError> parse_measured(const Telegram& telegram) {
   return measured;
 }
 
+bool is_scan_shaped(std::span<const std::uint8_t> payload) {
+  const auto measured = parse_measured({.t_first_byte = {}, .address = 0, .payload = payload});
+  return measured && raster_of(measured->header).has_value();
+}
+
 tl::expected<Measured, ScanError> decode_scan(const Telegram& telegram, std::uint8_t measuring_mode, ScanLine& line) {
   const auto measured = parse_measured(telegram);
   if (!measured) { return measured; }

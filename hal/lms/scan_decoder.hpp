@@ -34,6 +34,10 @@ struct Measured {
 /// Checks the length against the count; the two index bytes are recognised by the length.
 tl::expected<Measured, ScanError> parse_measured(const Telegram& telegram);
 
+/// Command, length and point count fit each other: chance does not make that, so a device sends scans at this baud rate
+/// even if none of them arrives whole.
+bool is_scan_shaped(std::span<const std::uint8_t> payload);
+
 /// Points, angles and ranges of a telegram.
 /// measuring_mode: from the device's configuration; it decides which bits are range and which values are special.
 /// Fills everything of `line` but its times, sequence and lost_before. A point without a valid return is NaN.

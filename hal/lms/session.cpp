@@ -12,6 +12,8 @@ using std::chrono::milliseconds;
 constexpr Duration kPauseMin = milliseconds(200);
 constexpr Duration kPauseMax = milliseconds(5000);
 constexpr Duration kNakPause = milliseconds(40);  // the device wants at least 30 ms
+// At the worst line that is still listened to one scan in five keeps a head that can be recognised.
+constexpr Duration kDamagedLimit = milliseconds(2000);
 constexpr int kMostBaudFailures = 2;
 // Wear of the EEPROM: a device that forgets its configuration at every start must not be written for ever.
 constexpr std::uint64_t kMostConfigWrites = 5;
@@ -108,8 +110,9 @@ void Session::on_telegram(Time now, const Telegram& telegram) {
     on_command_failed(now);
   } else if (is_command_phase() && code == awaited_reply()) {
     on_reply(now, telegram);
+  } else if (code != command::kMeasured) {
+    ++counters_.strays;  // a scan may still have been queued; anything else answers a question of long ago
   }
-  // Anything else is a late answer or a scan that was still queued.
 }
 
 void Session::on_device_restart(Time now) {
@@ -276,16 +279,25 @@ void Session::on_nak(Time now) {
   deadline_ = std::min(deadline_, now + kNakPause);
 }
 
+void Session::on_silence(Time now) {
+  if (state_ != DeviceState::Silent) { ++counters_.silences; }
+  state_ = DeviceState::Silent;
+  const Time t_give_up = t_damaged_ + std::max(timeout(), kDamagedLimit);
+  if (now < t_give_up) {
+    // It still sends, at this rate: the first scan that arrives whole goes on where the last one was.
+    detail_ = "scans arrive, but none of them whole; check cable, ground and termination";
+    deadline_ = t_give_up;
+    return;
+  }
+  start(now, baud_);
+}
+
 void Session::on_deadline(Time now) {
   switch (phase_) {
     case Phase::Closed: deadline_ = Time::max(); return;
     case Phase::BackOff: start(now, config_.baud); return;
     case Phase::SettleBaud: enter(now, Phase::VerifyBaud); return;
-    case Phase::Streaming:
-      ++counters_.silences;
-      state_ = DeviceState::Silent;
-      start(now, baud_);
-      return;
+    case Phase::Streaming: on_silence(now); return;
     case Phase::AwaitData: back_off(now, DeviceState::Silent, "the stream was accepted but no scan came"); return;
     default: break;
   }

@@ -26,7 +26,8 @@ class SessionActions {
 /// Sequence: find the baud rate (stop the stream at each rate, prove it by a status reply) -> change to the wanted rate
 /// and prove it -> read the configuration -> write it if unit, measuring mode or real-time indices differ (the device's
 /// memory bears few writes) -> choose the variant -> start the stream -> watch it. Every failure leads back to the
-/// first step, with a pause of 0.2 s that doubles up to 5 s, for ever.
+/// first step, with a pause of 0.2 s that doubles up to 5 s, for ever. A stream whose scans only arrive damaged is
+/// listened to, however long that lasts.
 class Session {
  public:
   enum class Phase : std::uint8_t {
@@ -57,6 +58,7 @@ class Session {
     std::uint64_t refusals = 0;  ///< commands the device declined
     std::uint64_t restarts = 0;  ///< power-on or reset messages of the device
     std::uint64_t silences = 0;  ///< streams that stopped
+    std::uint64_t strays = 0;    ///< good telegrams, scans apart, that nobody waited for: late answers
     std::uint64_t config_writes = 0;
     std::uint64_t device_errors = 0;  ///< changes of the status byte to error or fatal
   };
@@ -69,6 +71,8 @@ class Session {
   /// A telegram of measured values that made a scan line.
   void on_scan(Time now, std::uint8_t device_status);
   void on_nak(Time now);
+  /// A telegram that was one of measured values before the line damaged it.
+  void on_damaged_scan(Time now) { t_damaged_ = now; }
   /// Bytes arrived, whatever they may mean.
   void on_bytes(std::size_t count) { bytes_in_search_ += count; }
   /// Instant at which on_deadline() must be called; Time::max() for never.
@@ -114,6 +118,7 @@ class Session {
   void after_proof(Time now);
   void after_config(Time now);
   void on_device_restart(Time now);
+  void on_silence(Time now);
   void on_variant_refused(Time now);
   bool is_config_wanted() const;
 
@@ -143,6 +148,7 @@ class Session {
   std::size_t variant_ = 0;
   std::uint8_t stream_mode_ = 0;
   bool has_device_error_ = false;
+  Time t_damaged_;
   Counters counters_;
 };
 

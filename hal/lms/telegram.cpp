@@ -173,6 +173,7 @@ Parser::Step Parser::scan_candidate(ParserSink& sink) {
   const std::size_t checked = kHeaderSize + length;
   if (crc({candidate, checked}) != word(candidate[checked], candidate[checked + 1])) {
     ++counters_.checksum_errors;
+    sink.on_damaged({candidate + kHeaderSize, length});
     drop_front_as_garbage();
     return Step::Advanced;
   }

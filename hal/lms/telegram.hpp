@@ -61,6 +61,9 @@ class ParserSink {
   /// A bare acknowledge byte outside telegrams and outside garbage.
   virtual void on_ack(Time t) = 0;
   virtual void on_nak(Time t) = 0;
+  /// A complete candidate whose checksum did not match; true ones and mere chance look alike. The view is valid during
+  /// the call only.
+  virtual void on_damaged(std::span<const std::uint8_t> /*payload*/) {}
 };
 
 /// Which end of the line the parser listens at.

@@ -20,7 +20,14 @@ class FakeLms final : private lms::ParserSink {
     std::uint8_t code = 0;
     std::vector<std::uint8_t> data;
   };
-  enum class Reaction : std::uint8_t { Obey, Nak, Ignore, Refuse, NotUnderstood };
+  enum class Reaction : std::uint8_t {
+    Obey,
+    Nak,
+    Ignore,
+    Refuse,
+    NotUnderstood,
+    Mute,  ///< obeys, but acknowledge and answer are lost
+  };
 
   // What the test may preset or change at any time.
   int baud = 9600;
@@ -33,12 +40,16 @@ class FakeLms final : private lms::ParserSink {
   std::uint8_t address = 0;
   std::uint8_t status = lms::status::kSourceLms;
   double mirror_period_s = 1.0 / 75.0;
+  int send_every = 1;      // of the scans measured; the others are lost on the way
+  bool is_frozen = false;  // sends the last ranges again
+  int blind_word = -1;     // what every beam says; -1: ranges
   std::function<Reaction(const Command&)> script = [](const Command&) { return Reaction::Obey; };
 
   // What the test may look at.
   std::vector<Command> commands;
   int config_writes = 0;
   int turns_sent = 0;
+  int wobble = 0;  // noise of the last beam, so that no two scans are equal
 
   FakeLms() { config[lms::config_offset::kUnit] = 1; }
 
@@ -76,6 +87,9 @@ class FakeLms final : private lms::ParserSink {
     return bytes;
   }
 
+  /// Bytes it says at this moment without having been asked.
+  void inject(std::span<const std::uint8_t> bytes) { send_bytes(bytes, now_); }
+
   /// End of the 180 degree sweep of mirror turn k.
   Time sweep_end(std::int64_t turn) const { return time_from_s(0.5 + static_cast<double>(turn) * mirror_period_s); }
 
@@ -92,7 +106,7 @@ class FakeLms final : private lms::ParserSink {
   Duration byte_time() const { return duration_from_s(10.0 / baud); }
 
   void send_bytes(std::span<const std::uint8_t> bytes, Time t_start) {
-    if (!is_on) { return; }
+    if (!is_on || is_mute_) { return; }
     if (!out_.empty()) { t_start = std::max(t_start, out_.back().t_end); }
     for (const std::uint8_t byte : bytes) {
       t_start += byte_time();
@@ -118,6 +132,12 @@ class FakeLms final : private lms::ParserSink {
     if (reaction == Reaction::Ignore) { return; }
     if (reaction == Reaction::Nak) {
       send_byte(lms::kNak);
+      return;
+    }
+    if (reaction == Reaction::Mute) {
+      is_mute_ = true;
+      obey(command, false);
+      is_mute_ = false;
       return;
     }
     send_byte(lms::kAck);
@@ -216,12 +236,17 @@ class FakeLms final : private lms::ParserSink {
     }
     lms::TelegramBuilder builder = lms::reply(address, lms::command::kMeasured);
     builder.u16(lms::pack_header(header));
-    for (int i = 0; i < header.count; ++i) { builder.u16(static_cast<std::uint16_t>(1000 + i)); }
+    if (!is_frozen) { wobble = (wobble + 1) % 7; }
+    for (int i = 0; i < header.count; ++i) {
+      const int range = i + 1 == header.count ? 1500 + wobble : 1000 + i;
+      builder.u16(static_cast<std::uint16_t>(blind_word < 0 ? range : blind_word));
+    }
     if ((config[lms::config_offset::kAvailability] & lms::kAvailabilityIndices) != 0) {
       builder.u8(static_cast<std::uint8_t>(turn & 0xFF)).u8(static_cast<std::uint8_t>(turns_sent & 0xFF));
     }
     builder.u8(status);
     ++turns_sent;
+    if (turns_sent % send_every != 0) { return; }
     sent_turns_.push_back(turn);
     send_bytes(builder.finish(), sweep_end(turn));
   }
@@ -229,6 +254,7 @@ class FakeLms final : private lms::ParserSink {
   lms::Parser parser_{lms::ParserRole::Device};
   Time now_;
   std::deque<Out> out_;
+  bool is_mute_ = false;
   std::int64_t next_turn_ = -1;
   std::vector<std::int64_t> sent_turns_;
 };
