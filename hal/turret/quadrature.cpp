@@ -258,7 +258,14 @@ void QuadratureDecoder::commit_index() {
   }
   // The same flank of the pulse, whichever way it is passed.
   if (!pending.has_motion || pending.edge.is_rising != pending.is_upwards) { return; }
-  apply(index_.on_index(pending.count));
+  apply(index_.on_index(index_position(pending)));
+}
+
+/// A flank that falls together with an edge comes before or after it by chance: time tells the place, not the order.
+std::int64_t QuadratureDecoder::index_position(const Pending& pending) const {
+  constexpr double kLimit = 0.25;  // flanks lie at borders or in the middle of a count
+  const auto point = pending.is_timed ? track_.at(pending.edge.t) : std::nullopt;
+  return point ? static_cast<std::int64_t>(std::floor(point->position + kLimit)) : pending.count;
 }
 
 void QuadratureDecoder::apply(const IndexCheck::Result& result) {

@@ -106,6 +106,7 @@ class QuadratureDecoder {
   void resynchronise(const Pending& pending);
   void move(const Pending& pending, bool is_upwards);
   void watch_channels(EdgeLine line);
+  std::int64_t index_position(const Pending& pending) const;
   void apply(const IndexCheck::Result& result);
   void deliver(Time from, Time until);
   void doubt(std::int64_t counts);
