@@ -36,10 +36,20 @@ void visit_fields(Visitor& v, hal::CanConfig& c) {
 template <typename Visitor>
 void visit_fields(Visitor& v, hal::EncoderConfig& c, bool is_turret) {
   v.boolean("enabled", c.enabled);
+  if (is_turret) { v.choice("link", c.link, {{"can", hal::EncoderLink::Can}, {"gpio", hal::EncoderLink::Gpio}}); }
   v.integer("node_id", c.node_id);
   if (is_turret) { v.number("counts_per_turn", c.counts_per_turn); }
   v.boolean("reversed", c.reversed);
   v.number("silence_limit_s", c.silence_limit_s);
+}
+
+template <typename Visitor>
+void visit_fields(Visitor& v, hal::GpioConfig& c) {
+  v.text("chip", c.chip);
+  v.text("line_a", c.line_a);
+  v.text("line_b", c.line_b);
+  v.text("line_z", c.line_z);
+  v.integer("debounce_us", c.debounce_us);
 }
 
 template <typename Visitor>
@@ -113,6 +123,7 @@ void visit_tables(Visitor& v, RosidConfig& c) {
   v.table("wheel_left", [&](auto& t) { visit_fields(t, c.hal.wheel_left, false); });
   v.table("wheel_right", [&](auto& t) { visit_fields(t, c.hal.wheel_right, false); });
   v.table("turret", [&](auto& t) { visit_fields(t, c.hal.turret, true); });
+  v.table("gpio", [&](auto& t) { visit_fields(t, c.hal.gpio); });
   v.table("tilt", [&](auto& t) { visit_fields(t, c.hal.tilt); });
   v.table("estimator", [&](auto& t) { visit_fields(t, c.estimator); });
   v.table("mapping", [&](auto& t) { visit_fields(t, c.mapping); });

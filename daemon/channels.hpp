@@ -41,6 +41,7 @@ struct LinkProblems {
   using Text = std::array<char, 192>;
   Text laser{};
   Text can{};
+  Text turret{};  ///< the bus's text when the turret is on CAN
   std::array<const char*, kDeviceCount> details{};
 };
 
@@ -64,7 +65,7 @@ struct Channels {
   SpscQueue<AidReport> aids{4096};                       // up to 500/s
   SpscQueue<FixHandover> handovers{16};                  // less than 1/s
   SpscQueue<ViewResult> views{16};                       // less than 1/s
-  std::unique_ptr<SpscQueue<RawRecord>> raw;             // up to 700 reads and writes/s; only when recording
+  std::unique_ptr<SpscQueue<RawRecord>> raw;             // up to 1100 pieces of reads and writes/s; only when recording
   std::unique_ptr<SpscQueue<ScanLine>> lines_to_output;  // 75/s; only with LCM
 
   LatestValue<DeviceHealthTable> devices;

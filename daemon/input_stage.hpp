@@ -46,6 +46,10 @@ class InputStage {
     advance(t_receive);
     front_end_.on_can_frame(t_receive, frame);
   }
+  void on_turret_edges(Time t_receive, std::span<const hal::EdgeRecord> edges) {
+    advance(t_receive);
+    front_end_.on_turret_edges(now_, edges);
+  }
   void on_laser_link(Time t, bool is_open) {
     advance(t);
     front_end_.on_laser_link(now_, is_open);
@@ -53,6 +57,10 @@ class InputStage {
   void on_can_link(Time t, bool is_open) {
     advance(t);
     front_end_.on_can_link(now_, is_open);
+  }
+  void on_turret_link(Time t, bool is_open) {
+    advance(t);
+    front_end_.on_turret_link(now_, is_open);
   }
 
   /// Instant of the event being handled: the receive time of everything the sink gets.

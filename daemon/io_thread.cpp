@@ -59,6 +59,7 @@ void IoThread::publish_health() {
   };
   copy(links_->last_error(Device::Laser), problems.laser);
   copy(links_->last_error(Device::Can), problems.can);
+  copy(links_->last_error(Device::Turret), problems.turret);
   for (std::size_t k = 0; k < problems.details.size(); ++k) {
     problems.details[k] = links_->detail(static_cast<Device>(k));
   }
@@ -90,16 +91,16 @@ void IoThread::on_tick(Time now, hal::FrontEnd& /*front_end*/) {
 
 void IoThread::on_laser_received(Time t, std::span<const std::uint8_t> bytes) {
   input_->advance(t);
-  record_laser(t, RawRecord::Kind::LaserReceived, bytes);
+  record_bytes(t, RawRecord::Kind::LaserReceived, bytes);
 }
 
 void IoThread::on_laser_sent(Time t, std::span<const std::uint8_t> bytes) {
-  record_laser(t, RawRecord::Kind::LaserSent, bytes);
+  record_bytes(t, RawRecord::Kind::LaserSent, bytes);
 }
 
 void IoThread::on_laser_link(Time t, bool is_open) {
   input_->advance(t);
-  record_laser(t, is_open ? RawRecord::Kind::LaserUp : RawRecord::Kind::LaserDown, {});
+  record_bytes(t, is_open ? RawRecord::Kind::LaserUp : RawRecord::Kind::LaserDown, {});
 }
 
 void IoThread::on_laser_baud(Time t, int baud) {
@@ -108,7 +109,7 @@ void IoThread::on_laser_baud(Time t, int baud) {
   std::array<std::uint8_t, 12> bytes{};
   const auto length = static_cast<std::size_t>(end - text.data());
   std::copy_n(text.begin(), length, bytes.begin());
-  record_laser(t, RawRecord::Kind::HostBaud, std::span(bytes).first(length));
+  record_bytes(t, RawRecord::Kind::HostBaud, std::span(bytes).first(length));
 }
 
 void IoThread::on_can_received(Time t, const hal::CanFrame& frame) {
@@ -125,12 +126,27 @@ void IoThread::on_can_link(Time t, bool is_open) {
   record_can(t, is_open ? RawRecord::Kind::CanUp : RawRecord::Kind::CanDown, {});
 }
 
-void IoThread::record_laser(Time t, RawRecord::Kind kind, std::span<const std::uint8_t> bytes) {
+void IoThread::on_turret_edges(Time t, std::span<const hal::EdgeRecord> edges) {
+  input_->advance(t);
+  const auto bytes = std::as_bytes(edges);
+  record_bytes(t, RawRecord::Kind::EdgesReceived,
+               {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});  // NOLINT: as they lie in memory
+}
+
+void IoThread::on_turret_link(Time t, bool is_open) {
+  input_->advance(t);
+  record_bytes(t, is_open ? RawRecord::Kind::TurretUp : RawRecord::Kind::TurretDown, {});
+}
+
+void IoThread::record_bytes(Time t, RawRecord::Kind kind, std::span<const std::uint8_t> bytes) {
   if (channels_.raw == nullptr) { return; }
   raw_.t = t;
   raw_.kind = kind;
+  // A piece that a full queue drops takes whole edges with it.
+  const std::size_t unit = kind == RawRecord::Kind::EdgesReceived ? sizeof(hal::EdgeRecord) : 1;
+  const std::size_t most = RawRecord::kMaxBytes / unit * unit;
   do {
-    const auto piece = bytes.first(std::min(bytes.size(), RawRecord::kMaxBytes));
+    const auto piece = bytes.first(std::min(bytes.size(), most));
     bytes = bytes.subspan(piece.size());
     raw_.length = static_cast<std::uint16_t>(piece.size());
     raw_.continues = !bytes.empty();

@@ -48,8 +48,10 @@ class IoThread final : private hal::FrontEndSink, private hal::LinkTap {
   void on_can_received(Time t, const hal::CanFrame& frame) override;
   void on_can_sent(Time t, const hal::CanFrame& frame) override;
   void on_can_link(Time t, bool is_open) override;
+  void on_turret_edges(Time t, std::span<const hal::EdgeRecord> edges) override;
+  void on_turret_link(Time t, bool is_open) override;
 
-  void record_laser(Time t, RawRecord::Kind kind, std::span<const std::uint8_t> bytes);
+  void record_bytes(Time t, RawRecord::Kind kind, std::span<const std::uint8_t> bytes);
   void record_can(Time t, RawRecord::Kind kind, const hal::CanFrame& frame);
   void publish_health();
 

@@ -11,10 +11,12 @@
 #include <exception>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "config/loader.hpp"
 #include "daemon/app.hpp"
 #include "daemon/version.hpp"
+#include "hal/io/edge_source.hpp"
 
 namespace {
 
@@ -63,6 +65,9 @@ int run(const Arguments& arguments, int stop_fd) {
     }
     return kExitConfig;
   }
+  const std::vector<std::string> missing = rosid::hal::missing_support(config->hal);
+  for (const std::string& sentence : missing) { fmt::print(stderr, "{}: {}\n", arguments.config, sentence); }
+  if (!missing.empty()) { return kExitConfig; }
   if (!arguments.state_directory.empty()) {
     // Absolute, so that the configuration in the log means the same wherever it is read.
     config->output.state_directory = std::filesystem::absolute(arguments.state_directory).string();

@@ -111,7 +111,13 @@ void OutputLoop::drain_raw() {
 
 std::string OutputLoop::problem_of(std::size_t device, DeviceState state) {
   const LinkProblems& problems = channels_.link_problems.read();
-  const auto& link = static_cast<Device>(device) == Device::Laser ? problems.laser : problems.can;
+  const auto& link = [&]() -> const LinkProblems::Text& {
+    switch (static_cast<Device>(device)) {
+      case Device::Laser: return problems.laser;
+      case Device::Turret: return problems.turret;
+      default: return problems.can;
+    }
+  }();
   const char* text = state == DeviceState::Absent ? link.data() : problems.details[device];
   return text == nullptr || *text == '\0' ? "" : fmt::format(" ({})", text);
 }

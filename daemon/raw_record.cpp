@@ -1,6 +1,7 @@
 #include "daemon/raw_record.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 namespace rosid::daemon {
@@ -18,6 +19,15 @@ std::optional<msgs::LogRecord> RawAssembler::add(const RawRecord& raw) {
     bytes_.clear();
     return msgs::LogRecord{raw.t, msgs::CanRecord{kind, raw.frame}};
   };
+  const auto gpio = [&](msgs::GpioRecord::Kind kind) {
+    msgs::GpioRecord record{kind, std::vector<hal::EdgeRecord>(bytes_.size() / sizeof(hal::EdgeRecord))};
+    if (!record.edges.empty()) {
+      std::memcpy(static_cast<void*>(record.edges.data()), bytes_.data(),
+                  record.edges.size() * sizeof(hal::EdgeRecord));
+    }
+    bytes_.clear();
+    return msgs::LogRecord{raw.t, std::move(record)};
+  };
   switch (raw.kind) {
     case RawRecord::Kind::LaserReceived: return laser(Laser::Received);
     case RawRecord::Kind::LaserSent: return laser(Laser::Sent);
@@ -28,6 +38,9 @@ std::optional<msgs::LogRecord> RawAssembler::add(const RawRecord& raw) {
     case RawRecord::Kind::CanSent: return can(Can::Sent);
     case RawRecord::Kind::CanUp: return can(Can::LinkUp);
     case RawRecord::Kind::CanDown: return can(Can::LinkDown);
+    case RawRecord::Kind::EdgesReceived: return gpio(msgs::GpioRecord::Kind::Received);
+    case RawRecord::Kind::TurretUp: return gpio(msgs::GpioRecord::Kind::LinkUp);
+    case RawRecord::Kind::TurretDown: return gpio(msgs::GpioRecord::Kind::LinkDown);
   }
   return std::nullopt;
 }

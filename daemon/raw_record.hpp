@@ -15,7 +15,8 @@ namespace rosid::daemon {
 
 /// One event of the drive log, flat so that it crosses a queue without allocation.
 struct RawRecord {
-  /// Laser data of one record; a longer read comes as several records, all but the last with `continues` set.
+  /// Laser bytes or edges (as they lie in memory) of one record; a longer read comes as several records, all but the
+  /// last with `continues` set.
   static constexpr std::size_t kMaxBytes = 256;
   enum class Kind : std::uint8_t {
     LaserReceived,
@@ -27,6 +28,9 @@ struct RawRecord {
     CanSent,
     CanUp,
     CanDown,
+    EdgesReceived,
+    TurretUp,
+    TurretDown,
   };
   Time t;
   Kind kind = Kind::LaserReceived;

@@ -56,6 +56,8 @@ class Replay final : public hal::FrontEndSink {
       handle_laser(record.t, *laser);
     } else if (const auto* can = std::get_if<msgs::CanRecord>(&record.body)) {
       handle_can(record.t, *can);
+    } else if (const auto* gpio = std::get_if<msgs::GpioRecord>(&record.body)) {
+      handle_gpio(record.t, *gpio);
     }
   }
 
@@ -115,6 +117,15 @@ class Replay final : public hal::FrontEndSink {
       case Kind::LinkUp: input_.on_can_link(t, true); break;
       case Kind::LinkDown: input_.on_can_link(t, false); break;
       case Kind::Sent: break;
+    }
+  }
+
+  void handle_gpio(Time t, const msgs::GpioRecord& record) {
+    using Kind = msgs::GpioRecord::Kind;
+    switch (record.kind) {
+      case Kind::Received: input_.on_turret_edges(t, record.edges); break;
+      case Kind::LinkUp: input_.on_turret_link(t, true); break;
+      case Kind::LinkDown: input_.on_turret_link(t, false); break;
     }
   }
 

@@ -55,11 +55,37 @@ void check_can(Problems& problems, const CanConfig& can) {
   }
 }
 
+void check_gpio(Problems& problems, const HalConfig& config) {
+  const GpioConfig& gpio = config.gpio;
+  if (gpio.line_a.empty()) { problems.emplace_back("gpio.line_a must name the line of channel A"); }
+  if (gpio.line_b.empty()) { problems.emplace_back("gpio.line_b must name the line of channel B"); }
+  const auto is_same = [](const std::string& a, const std::string& b) { return !a.empty() && a == b; };
+  if (is_same(gpio.line_b, gpio.line_a)) { problems.emplace_back("gpio.line_b must differ from gpio.line_a"); }
+  if (is_same(gpio.line_z, gpio.line_a) || is_same(gpio.line_z, gpio.line_b)) {
+    problems.emplace_back("gpio.line_z must differ from gpio.line_a and gpio.line_b");
+  }
+  const bool has_offset = is_line_offset(gpio.line_a) || is_line_offset(gpio.line_b) || is_line_offset(gpio.line_z);
+  if (has_offset && gpio.chip.empty()) {
+    problems.emplace_back("gpio.chip must name the chip when a line is given by its offset");
+  }
+  constexpr int kMostDebounce_us = 10000;
+  if (gpio.debounce_us < 0 || gpio.debounce_us > kMostDebounce_us) {
+    problems.emplace_back("gpio.debounce_us must be 0 (none) to 10000 microseconds");
+  }
+  constexpr double kMostCounts = 1e6;
+  const double counts = config.turret.counts_per_turn;
+  if (!(counts >= 4.0 && counts <= kMostCounts && std::fmod(counts, 4.0) == 0.0)) {
+    problems.emplace_back(
+        "turret.counts_per_turn must be a multiple of 4 up to 1000000 on GPIO: four counts for each line of the "
+        "grating");
+  }
+}
+
 void check_distinct_nodes(Problems& problems, const HalConfig& config) {
   const std::array<std::pair<const char*, int>, 4> nodes{{
       {"wheel_left", config.wheel_left.enabled ? config.wheel_left.node_id : 0},
       {"wheel_right", config.wheel_right.enabled ? config.wheel_right.node_id : 0},
-      {"turret", config.turret.enabled ? config.turret.node_id : 0},
+      {"turret", is_on_can(config.turret) ? config.turret.node_id : 0},
       {"tilt", config.tilt.enabled ? config.tilt.node_id : 0},
   }};
   for (std::size_t i = 0; i < nodes.size(); ++i) {
@@ -73,6 +99,10 @@ void check_distinct_nodes(Problems& problems, const HalConfig& config) {
 
 }  // namespace
 
+bool is_line_offset(const std::string& line) {
+  return !line.empty() && std::all_of(line.begin(), line.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
 std::vector<std::string> validate(const HalConfig& config) {
   Problems problems;
   if (config.laser.enabled) { check_laser(problems, config.laser); }
@@ -81,10 +111,11 @@ std::vector<std::string> validate(const HalConfig& config) {
       {{"wheel_left", &config.wheel_left}, {"wheel_right", &config.wheel_right}, {"turret", &config.turret}}};
   for (const auto& [key, encoder] : encoders) {
     if (!encoder->enabled) { continue; }
-    check_node_id(problems, key, encoder->node_id);
+    if (is_on_can(*encoder)) { check_node_id(problems, key, encoder->node_id); }
     check_silence_limit(problems, key, encoder->silence_limit_s);
   }
-  if (config.turret.enabled &&
+  if (is_on_gpio(config.turret)) { check_gpio(problems, config); }
+  if (is_on_can(config.turret) &&
       !(config.turret.counts_per_turn >= 1.0 && std::isfinite(config.turret.counts_per_turn))) {
     problems.emplace_back("turret.counts_per_turn must be at least 1: the counts of one turret revolution");
   }

@@ -32,14 +32,36 @@ struct CanConfig {
   int bitrate = 250000;         ///< told to an slcan adapter; a SocketCAN interface is set up by the system
 };
 
-/// One CiA 406 encoder.
+enum class EncoderLink : std::uint8_t { Can, Gpio };
+
+/// One CiA 406 encoder, or the turret's incremental encoder on GPIO lines.
 struct EncoderConfig {
   bool enabled = true;
-  int node_id = 1;
-  double counts_per_turn = 0.0;  ///< turret only: counts of one turret revolution
+  EncoderLink link = EncoderLink::Can;  ///< turret only
+  int node_id = 1;                      ///< on CAN
+  double counts_per_turn = 0.0;         ///< turret only: counts of one turret revolution
   bool reversed = false;
   double silence_limit_s = 0.3;
 };
+
+constexpr bool is_on_can(const EncoderConfig& encoder) {
+  return encoder.enabled && encoder.link == EncoderLink::Can;
+}
+constexpr bool is_on_gpio(const EncoderConfig& encoder) {
+  return encoder.enabled && encoder.link == EncoderLink::Gpio;
+}
+
+/// The lines of the turret's encoder when it is on GPIO. A line is its name, or its offset in decimal digits together
+/// with the chip.
+struct GpioConfig {
+  std::string chip;  ///< name, label or path of the chip; empty: the one that has lines of these names
+  std::string line_a = "TURRET_A";
+  std::string line_b = "TURRET_B";
+  std::string line_z = "TURRET_Z";  ///< index; empty: the encoder has none
+  int debounce_us = 0;              ///< in the kernel; 0: none
+};
+/// Digits only.
+bool is_line_offset(const std::string& line);
 
 /// One CiA 410 inclinometer.
 struct TiltConfig {
@@ -56,6 +78,7 @@ struct HalConfig {
   EncoderConfig wheel_left{.node_id = 1};
   EncoderConfig wheel_right{.node_id = 2};
   EncoderConfig turret{.node_id = 3, .counts_per_turn = 36000.0};
+  GpioConfig gpio;
   TiltConfig tilt;
 };
 

@@ -6,6 +6,7 @@
 #include "base/units.hpp"
 #include "hal/can/sensors.hpp"
 #include "hal/lms/laser.hpp"
+#include "hal/turret/gpio_turret.hpp"
 
 namespace rosid::hal {
 
@@ -57,6 +58,7 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
         wheel_right(config.wheel_right, CountUnwrapper::Kind::Incremental, wheel_rate(1), sink, *this),
         turret(config.turret, CountUnwrapper::Kind::Absolute, kTurretRateMax_hz * config.turret.counts_per_turn, sink,
                *this),
+        gpio_turret(config, calibration, sink, table[index(Device::Turret)]),
         tilt(config.tilt, calibration, sink),
         wheels(calibration) {
     publish_can();
@@ -71,7 +73,7 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
   void for_each_node(Function&& function) {
     if (wheel_left.is_enabled()) { function(wheel_left.node()); }
     if (wheel_right.is_enabled()) { function(wheel_right.node()); }
-    if (turret.is_enabled()) { function(turret.node()); }
+    if (is_on_can(config.turret)) { function(turret.node()); }
     if (tilt.is_enabled()) { function(tilt.node()); }
   }
 
@@ -166,7 +168,9 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
     const bool is_on = config.can.enabled;
     copy_health(table[index(Device::WheelLeft)], wheel_left.node(), is_on && wheel_left.is_enabled());
     copy_health(table[index(Device::WheelRight)], wheel_right.node(), is_on && wheel_right.is_enabled());
-    copy_health(table[index(Device::Turret)], turret.node(), is_on && turret.is_enabled());
+    if (!is_on_gpio(config.turret)) {
+      copy_health(table[index(Device::Turret)], turret.node(), is_on && turret.is_enabled());
+    }
     copy_health(table[index(Device::Tilt)], tilt.node(), is_on && tilt.is_enabled());
   }
 
@@ -178,6 +182,7 @@ struct FrontEnd::Impl final : EncoderSensor::Listener {
   EncoderSensor wheel_left;
   EncoderSensor wheel_right;
   EncoderSensor turret;
+  GpioTurret gpio_turret;
   TiltSensor tilt;
   WheelPair wheels;
   std::uint32_t turret_sequence = 0;
@@ -204,6 +209,14 @@ void FrontEnd::on_laser_link(Time now, bool is_open) {
   impl_->laser.on_link(now, is_open);
 }
 
+void FrontEnd::on_turret_edges(Time t_receive, std::span<const EdgeRecord> edges) {
+  impl_->gpio_turret.on_edges(t_receive, edges);
+}
+
+void FrontEnd::on_turret_link(Time now, bool is_open) {
+  impl_->gpio_turret.on_link(now, is_open);
+}
+
 void FrontEnd::on_can_frame(Time t_receive, const CanFrame& frame) {
   if (!impl_->config.can.enabled) { return; }
   impl_->advance_can(t_receive);
@@ -226,6 +239,7 @@ void FrontEnd::on_can_link(Time now, bool is_open) {
 
 void FrontEnd::tick(Time now) {
   impl_->laser.tick(now);
+  impl_->gpio_turret.tick(now);
   if (!impl_->config.can.enabled) { return; }
   impl_->advance_can(now);
   impl_->publish_can();
@@ -239,7 +253,8 @@ const DeviceHealthTable& FrontEnd::health() const {
 const char* FrontEnd::detail(Device device) const {
   switch (device) {
     case Device::Laser: return impl_->laser.detail();
-    case Device::Turret: return impl_->turret.node().detail();
+    case Device::Turret:
+      return is_on_gpio(impl_->config.turret) ? impl_->gpio_turret.detail() : impl_->turret.node().detail();
     case Device::WheelLeft: return impl_->wheel_left.node().detail();
     case Device::WheelRight: return impl_->wheel_right.node().detail();
     case Device::Tilt: return impl_->tilt.node().detail();

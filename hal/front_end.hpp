@@ -12,6 +12,7 @@
 #include "base/health.hpp"
 #include "base/samples.hpp"
 #include "hal/config.hpp"
+#include "hal/turret/edge.hpp"
 
 namespace rosid::hal {
 
@@ -52,9 +53,12 @@ class FrontEnd {
   void on_laser_bytes(Time t_receive, std::span<const std::uint8_t> bytes);
   /// One frame with the instant of its reception.
   void on_can_frame(Time t_receive, const CanFrame& frame);
+  /// Edges of the turret's encoder as one read returned them; t_receive is taken directly after that read.
+  void on_turret_edges(Time t_receive, std::span<const EdgeRecord> edges);
   /// The owner opened or lost the line: the session starts anew or waits.
   void on_laser_link(Time now, bool is_open);
   void on_can_link(Time now, bool is_open);
+  void on_turret_link(Time now, bool is_open);
   /// Drives time-outs and retries; call at least every 20 ms.
   void tick(Time now);
 

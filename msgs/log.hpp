@@ -34,6 +34,13 @@ struct CanRecord {
   hal::CanFrame frame;
 };
 
+/// Edges of the turret's encoder on GPIO lines as one read returned them, or a change of the lines' state.
+struct GpioRecord {
+  enum class Kind : std::uint8_t { Received = 0, LinkUp = 2, LinkDown = 3 };
+  Kind kind = Kind::Received;
+  std::vector<hal::EdgeRecord> edges;
+};
+
 /// A fix was handed to the estimator before the tick at LogRecord::t was computed.
 struct FixRecord {
   SurfaceFix fix;
@@ -41,7 +48,7 @@ struct FixRecord {
 
 struct LogRecord {
   Time t;  ///< instant of reception on the vehicle clock
-  std::variant<ConfigRecord, LaserRecord, CanRecord, FixRecord> body;
+  std::variant<ConfigRecord, LaserRecord, CanRecord, GpioRecord, FixRecord> body;
 };
 
 /// Appends records; every record is complete on disk after flush(). One thread.

@@ -5,6 +5,7 @@
 #include <rosid/raw_can_t.hpp>
 #include <rosid/raw_config_t.hpp>
 #include <rosid/raw_fix_t.hpp>
+#include <rosid/raw_gpio_t.hpp>
 #include <rosid/raw_laser_t.hpp>
 
 #include "msgs/bytes.hpp"
@@ -55,6 +56,17 @@ struct Encoder {
     out.put(static_cast<std::int8_t>(frame.length));
     out.put(static_cast<std::int32_t>(frame.id));
     out.put_bytes(frame.data);
+  }
+
+  void operator()(const GpioRecord& record) {
+    put_header<raw_gpio_t>(out, t);
+    out.put(static_cast<std::int8_t>(record.kind));
+    out.put(static_cast<std::int32_t>(record.edges.size()));
+    for (const hal::EdgeRecord& edge : record.edges) { out.put(to_ns(edge.t)); }
+    for (const hal::EdgeRecord& edge : record.edges) { out.put(static_cast<std::int32_t>(edge.sequence)); }
+    for (const hal::EdgeRecord& edge : record.edges) { out.put(static_cast<std::int32_t>(edge.line_sequence)); }
+    for (const hal::EdgeRecord& edge : record.edges) { out.put(static_cast<std::int8_t>(edge.line)); }
+    for (const hal::EdgeRecord& edge : record.edges) { out.put(static_cast<std::int8_t>(edge.is_rising ? 1 : 0)); }
   }
 
   void operator()(const FixRecord& record) {
@@ -121,6 +133,26 @@ std::optional<Body> decode_can(LcmReader& in, Time& t) {
   return record;
 }
 
+std::optional<Body> decode_gpio(LcmReader& in, Time& t) {
+  constexpr std::size_t kEdgeBytes = 18;
+  if (!get_header<raw_gpio_t>(in, t)) { return std::nullopt; }
+  const auto kind = in.get<std::int8_t>();
+  const auto count = in.get<std::int32_t>();
+  const bool is_kind = kind == raw_gpio_t::RECEIVED || kind == raw_gpio_t::LINK_UP || kind == raw_gpio_t::LINK_DOWN;
+  if (!is_kind || count < 0 || kEdgeBytes * static_cast<std::size_t>(count) != in.remaining()) { return std::nullopt; }
+  GpioRecord record;
+  record.kind = static_cast<GpioRecord::Kind>(kind);
+  record.edges.resize(static_cast<std::size_t>(count));
+  for (hal::EdgeRecord& edge : record.edges) { edge.t = time_from_ns(in.get<std::int64_t>()); }
+  for (hal::EdgeRecord& edge : record.edges) { edge.sequence = static_cast<std::uint32_t>(in.get<std::int32_t>()); }
+  for (hal::EdgeRecord& edge : record.edges) {
+    edge.line_sequence = static_cast<std::uint32_t>(in.get<std::int32_t>());
+  }
+  for (hal::EdgeRecord& edge : record.edges) { edge.line = static_cast<hal::EdgeLine>(in.get<std::int8_t>()); }
+  for (hal::EdgeRecord& edge : record.edges) { edge.is_rising = in.get<std::int8_t>() != 0; }
+  return record;
+}
+
 std::optional<Body> decode_fix(LcmReader& in, Time& t) {
   if (!get_header<raw_fix_t>(in, t)) { return std::nullopt; }
   FixRecord record;
@@ -154,13 +186,15 @@ std::string_view channel_of(const LogRecord& record) {
     std::string_view operator()(const ConfigRecord& /*record*/) const { return kChannelConfig; }
     std::string_view operator()(const LaserRecord& /*record*/) const { return kChannelLaser; }
     std::string_view operator()(const CanRecord& /*record*/) const { return kChannelCan; }
+    std::string_view operator()(const GpioRecord& /*record*/) const { return kChannelGpio; }
     std::string_view operator()(const FixRecord& /*record*/) const { return kChannelFix; }
   };
   return std::visit(Visitor{}, record.body);
 }
 
 bool is_log_channel(std::string_view channel) {
-  return channel == kChannelConfig || channel == kChannelLaser || channel == kChannelCan || channel == kChannelFix;
+  return channel == kChannelConfig || channel == kChannelLaser || channel == kChannelCan || channel == kChannelGpio ||
+         channel == kChannelFix;
 }
 
 void encode_payload(const LogRecord& record, std::vector<std::uint8_t>& out) {
@@ -175,6 +209,8 @@ std::optional<LogRecord> decode_payload(std::string_view channel, std::span<cons
     body = decode_laser(in, t);
   } else if (channel == kChannelCan) {
     body = decode_can(in, t);
+  } else if (channel == kChannelGpio) {
+    body = decode_gpio(in, t);
   } else if (channel == kChannelFix) {
     body = decode_fix(in, t);
   } else if (channel == kChannelConfig) {

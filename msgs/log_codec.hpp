@@ -1,7 +1,7 @@
 #pragma once
-// Bodies of the drive log's events, byte for byte what lcm-gen's code for raw_config_t, raw_laser_t, raw_can_t and
-// raw_fix_t writes (a test compares them). Written out because the generated decoders trust the length fields they
-// read.
+// Bodies of the drive log's events, byte for byte what lcm-gen's code for raw_config_t, raw_laser_t, raw_can_t,
+// raw_gpio_t and raw_fix_t writes (a test compares them). Written out because the generated decoders trust the length
+// fields they read.
 
 #include <cstdint>
 #include <optional>
@@ -16,7 +16,7 @@ namespace rosid::msgs {
 inline constexpr std::string_view kChannelConfig = "RAW_CONFIG";
 inline constexpr std::string_view kChannelLaser = "RAW_LASER";
 inline constexpr std::string_view kChannelCan = "RAW_CAN";
-inline constexpr std::string_view kChannelGpio = "RAW_GPIO";  ///< reserved
+inline constexpr std::string_view kChannelGpio = "RAW_GPIO";
 inline constexpr std::string_view kChannelFix = "RAW_FIX";
 
 std::string_view channel_of(const LogRecord& record);

@@ -46,7 +46,7 @@ std::vector<std::uint32_t> wanted_identifiers(const HalConfig& config) {
   };
   add(config.wheel_left.enabled, config.wheel_left.node_id);
   add(config.wheel_right.enabled, config.wheel_right.node_id);
-  add(config.turret.enabled, config.turret.node_id);
+  add(is_on_can(config.turret), config.turret.node_id);
   add(config.tilt.enabled, config.tilt.node_id);
   return identifiers;
 }

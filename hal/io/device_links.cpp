@@ -32,19 +32,23 @@ DeviceLinks::DeviceLinks(const HalConfig& config, EventLoop loop, LinkTap& tap, 
       tap_(tap),
       clock_(clock),
       laser_(config.laser, loop_, tap, clock),
-      can_(config, loop_, tap, clock) {}
+      can_(config, loop_, tap, clock),
+      gpio_(config, loop_, tap, clock),
+      has_gpio_turret_(is_on_gpio(config.turret)) {}
 
 void DeviceLinks::attach(FrontEnd& front_end) {
   ROSID_EXPECT(front_end_ == nullptr);
   front_end_ = &front_end;
   laser_.attach(front_end);
   can_.attach(front_end);
+  gpio_.attach(front_end);
 }
 
 void DeviceLinks::poll(Duration max_wait) {
   ROSID_EXPECT(front_end_ != nullptr);
   laser_.step();
   can_.step();
+  gpio_.step();
   const bool is_busy = laser_.is_busy() || can_.is_busy();
   const EventLoop::Ready ready = loop_.await(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
   // After a stall the bus holds frames with stamps of the past. They go first: nothing that is stamped now may run a
@@ -72,6 +76,7 @@ const char* DeviceLinks::detail(Device device) const {
 }
 
 const std::string& DeviceLinks::last_error(Device device) const {
+  if (device == Device::Turret && has_gpio_turret_) { return gpio_.last_error(); }
   return device == Device::Laser ? laser_.last_error() : can_.last_error();
 }
 

@@ -13,6 +13,7 @@
 #include "hal/front_end.hpp"
 #include "hal/io/can_bus.hpp"
 #include "hal/io/event_loop.hpp"
+#include "hal/io/gpio_link.hpp"
 #include "hal/io/laser_link.hpp"
 #include "hal/io/link_tap.hpp"
 
@@ -59,6 +60,7 @@ class DeviceLinks {
   const std::string& last_error(Device device) const;
   const LaserLink& laser() const { return laser_; }
   const CanBus& can() const { return can_; }
+  const GpioLink& gpio() const { return gpio_; }
   /// For tests and special wirings: an open CAN socket in place of the configured link.
   void adopt_can(CanSocket socket) { can_.adopt(std::move(socket)); }
 
@@ -70,6 +72,8 @@ class DeviceLinks {
   ClockFunction clock_;
   LaserLink laser_;
   CanBus can_;
+  GpioLink gpio_;
+  bool has_gpio_turret_;
   FrontEnd* front_end_ = nullptr;
   Time t_settled_ = Time::min();
 };

@@ -21,6 +21,9 @@ class LinkTap {
   virtual void on_can_received(Time t, const CanFrame& frame) = 0;
   virtual void on_can_sent(Time t, const CanFrame& frame) = 0;
   virtual void on_can_link(Time t, bool is_open) = 0;
+  /// Edges as one read returned them. For those who have no turret on GPIO lines, nothing.
+  virtual void on_turret_edges(Time /*t*/, std::span<const EdgeRecord> /*edges*/) {}
+  virtual void on_turret_link(Time /*t*/, bool /*is_open*/) {}
   /// The front end's time-outs up to `now` are due; nothing stamped up to then follows. Whoever runs its ticks on a
   /// grid of its own, so that a replay of what was recorded can repeat them, overrides this.
   virtual void on_tick(Time now, FrontEnd& front_end) { front_end.tick(now); }

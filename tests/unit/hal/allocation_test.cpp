@@ -7,6 +7,7 @@
 #include "hal/can/canopen.hpp"
 #include "tests/support/allocation_guard.hpp"
 #include "tests/unit/hal/bench.hpp"
+#include "tests/unit/hal/encoder_rig.hpp"
 
 namespace rosid::hal {
 namespace {
@@ -100,6 +101,45 @@ TEST(FrontEndAllocation, NothingIsTakenFromTheHeapAfterConstruction) {
   EXPECT_EQ(sink.lines, recorder.lines);  // a replay of the bytes gives the same lines
   EXPECT_GT(sink.turret, 100);
   EXPECT_GT(sink.tilt, 100);
+}
+
+TEST(FrontEndAllocation, NothingIsTakenFromTheHeapForEdges) {
+  HalConfig config;
+  config.turret.link = EncoderLink::Gpio;
+  config.turret.counts_per_turn = 4096.0;
+  std::vector<std::vector<EdgeRecord>> batches;
+  test::EncoderModel encoder(4096, 100);
+  Time t = time_from_s(10.0);
+  std::uint32_t sequence = 0;
+  for (int k = 0; k < 300; ++k) {
+    batches.push_back(encoder.move(t, t + std::chrono::milliseconds(10), encoder.position() + 40.0));
+    t += std::chrono::milliseconds(10);
+    // With faults: edges that are missing, stamps that cannot be, the same edge twice.
+    for (EdgeRecord& edge : batches.back()) { edge.sequence = sequence += k % 50 == 49 ? 2 : 1; }
+    if (k % 60 == 0) { batches.back().front().t += std::chrono::hours(1); }
+    if (k % 70 == 0) { batches.back().push_back(batches.back().back()); }
+  }
+  NullSink sink;
+  FrontEnd front_end(config, Calibration{}, sink);
+  std::uint64_t allocations = 0;
+  {
+    const rosid::test::AllocationGuard guard;
+    t = time_from_s(10.0);
+    front_end.on_turret_link(t, true);
+    for (const auto& batch : batches) {
+      t += std::chrono::milliseconds(10);
+      front_end.on_turret_edges(t, batch);
+      front_end.tick(t);
+    }
+    front_end.on_turret_link(t, false);
+    allocations = guard.allocations();
+  }
+  EXPECT_EQ(allocations, 0U);
+  EXPECT_GT(sink.turret, 50);
+  const DeviceHealth& health = front_end.health()[static_cast<std::size_t>(Device::Turret)];
+  EXPECT_GT(health.lost, 0U);
+  EXPECT_GT(health.format_errors, 0U);
+  EXPECT_GT(health.rejected, 0U);
 }
 
 }  // namespace

@@ -45,5 +45,18 @@ TEST(HalConfig, QuarterDegreesOver180NeedThePartialMode) {
   EXPECT_THAT(validate(config), ElementsAre(HasSubstr("laser.resolution_deg")));
 }
 
+TEST(HalConfig, ATurretOnGpioNeedsLinesNotANode) {
+  HalConfig config;
+  config.turret = {.link = EncoderLink::Gpio, .node_id = 0, .counts_per_turn = 4096.0};
+  EXPECT_THAT(validate(config), IsEmpty());
+  config.gpio = {.chip = "", .line_a = "3", .line_b = "", .line_z = "3", .debounce_us = 20000};
+  config.turret.counts_per_turn = 4095.0;
+  EXPECT_THAT(validate(config), ElementsAre(HasSubstr("gpio.line_b"), HasSubstr("gpio.line_z"), HasSubstr("gpio.chip"),
+                                            HasSubstr("gpio.debounce_us"), HasSubstr("turret.counts_per_turn")));
+  config.turret.link = EncoderLink::Can;
+  config.turret.node_id = 3;
+  EXPECT_THAT(validate(config), IsEmpty());
+}
+
 }  // namespace
 }  // namespace rosid::hal

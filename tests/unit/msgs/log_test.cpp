@@ -10,6 +10,7 @@
 #include <rosid/raw_can_t.hpp>
 #include <rosid/raw_config_t.hpp>
 #include <rosid/raw_fix_t.hpp>
+#include <rosid/raw_gpio_t.hpp>
 #include <rosid/raw_laser_t.hpp>
 
 #include "msgs/log_codec.hpp"
@@ -38,6 +39,12 @@ SurfaceFix some_fix() {
   return fix;
 }
 
+GpioRecord some_edges() {
+  return {GpioRecord::Kind::Received,
+          {{.t = time_from_ns(7'999'000), .sequence = 0xFFFFFFFFU, .line_sequence = 5, .is_rising = true},
+           {.t = time_from_ns(7'999'500), .sequence = 0, .line_sequence = 1, .line = hal::EdgeLine::Z}}};
+}
+
 std::vector<LogRecord> some_records() {
   LaserRecord laser;
   laser.bytes = {0x02, 0x80, 0xED, 0xA1, 0xDA, 0x01, 0xFF};  // holds a sync word
@@ -55,7 +62,9 @@ std::vector<LogRecord> some_records() {
           {time_from_ns(3'000'000), can},
           {time_from_ns(4'000'000), FixRecord{some_fix()}},
           {time_from_ns(5'000'000), baud},
-          {time_from_ns(6'000'000), down}};
+          {time_from_ns(6'000'000), down},
+          {time_from_ns(7'000'000), GpioRecord{GpioRecord::Kind::LinkUp, {}}},
+          {time_from_ns(8'000'000), some_edges()}};
 }
 
 std::vector<std::uint8_t> payload_of(const LogRecord& record) {
@@ -154,6 +163,14 @@ TEST(Log, PayloadsAreLcmMessages) {
   EXPECT_EQ(fix.confidence, 0.75);
   EXPECT_EQ(decode_as<raw_laser_t>(records[4]).kind, raw_laser_t::HOST_BAUD);
   EXPECT_EQ(decode_as<raw_can_t>(records[5]).kind, raw_can_t::LINK_DOWN);
+  EXPECT_EQ(decode_as<raw_gpio_t>(records[6]).kind, raw_gpio_t::LINK_UP);
+  const auto edges = decode_as<raw_gpio_t>(records[7]);
+  EXPECT_EQ(edges.kind, raw_gpio_t::RECEIVED);
+  EXPECT_EQ(edges.edge_ns, (std::vector<std::int64_t>{7'999'000, 7'999'500}));
+  EXPECT_EQ(edges.sequence, (std::vector<std::int32_t>{-1, 0}));
+  EXPECT_EQ(edges.line_sequence, (std::vector<std::int32_t>{5, 1}));
+  EXPECT_EQ(edges.line, (std::vector<std::int8_t>{raw_gpio_t::A, raw_gpio_t::Z}));
+  EXPECT_EQ(edges.rising, (std::vector<std::int8_t>{1, 0}));
 }
 
 TEST(Log, LcmsOwnReaderReadsIt) {
