@@ -61,7 +61,13 @@ BenchOptions bench_options(const hal::HalConfig& hal, const Calibration& calibra
   options.wheel_right = wheel(hal.wheel_right, calibration.wheel_m_per_count[1]);
 
   const double turret_phase = random.uniform();
-  if (hal.turret.enabled && hal.turret.counts_per_turn > 0.0) {
+  if (hal::is_on_gpio(hal.turret)) {
+    options.turret_lines = QuadratureEncoder::Options{.counts_per_turn = std::llround(hal.turret.counts_per_turn),
+                                                      .has_index = !hal.gpio.line_z.empty(),
+                                                      .is_reversed = hal.turret.reversed,
+                                                      .stamp_delay = duration_from_s(calibration.turret_latency_s)};
+  }
+  if (hal::is_on_can(hal.turret) && hal.turret.counts_per_turn > 0.0) {
     // A multi-turn encoder: its range is a whole number of turns, so that the angle survives the wrap.
     constexpr double kTurns = 4096.0;
     const double start = std::floor(random.uniform() * kTurns) * hal.turret.counts_per_turn;
@@ -115,6 +121,9 @@ DeviceBench::DeviceBench(Plant& plant, const BenchOptions& options, Time t_start
     nodes_.push_back(make_encoder(
         *options.turret, [staged](Time t) { return staged->turret_reading_rad(t); }, options.turret_latency_s,
         t_start));
+  }
+  if (options.turret_lines) {
+    turret_lines_.emplace(*options.turret_lines, [staged](Time t) { return staged->turret_reading_rad(t); }, t_start);
   }
   if (options.tilt) {
     const Duration age = reading_age(options.tilt_latency_s, 4);
@@ -181,6 +190,7 @@ void DeviceBench::poll(Time until, BenchOutput& out) {
     }
   }
   laser_.advance(until, out.laser);
+  if (turret_lines_) { turret_lines_->advance(until, out.edges); }
 }
 
 void DeviceBench::advance_node(CanopenNode& node, Time until) {

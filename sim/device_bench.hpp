@@ -17,6 +17,7 @@
 #include "sim/can_nodes.hpp"
 #include "sim/lms_emulator.hpp"
 #include "sim/plant.hpp"
+#include "sim/quadrature_encoder.hpp"
 
 namespace rosid::sim {
 
@@ -26,6 +27,7 @@ struct BenchOptions {
   std::optional<EncoderNode::Options> wheel_left;  ///< nothing: the node is not there
   std::optional<EncoderNode::Options> wheel_right;
   std::optional<EncoderNode::Options> turret;
+  std::optional<QuadratureEncoder::Options> turret_lines;  ///< its encoder is on GPIO instead
   std::optional<InclinometerNode::Options> tilt;
   // From the instant of a reading until its frame has arrived; no shorter than the frame takes on the bus.
   std::array<double, 2> wheel_latency_s{0.0, 0.0};
@@ -37,14 +39,16 @@ struct BenchOptions {
 /// counts, phases of the event timers, mirror) comes from the seed.
 BenchOptions bench_options(const hal::HalConfig& hal, const Calibration& calibration, std::uint64_t seed);
 
-/// What the devices said up to an instant; both lists are in order of time.
+/// What the devices said up to an instant; each list is in order of time.
 struct BenchOutput {
   std::vector<LineByte> laser;
   std::vector<TimedFrame> can;  ///< t: instant the frame was complete on the bus
+  std::vector<hal::EdgeRecord> edges;
 
   void clear() {
     laser.clear();
     can.clear();
+    edges.clear();
   }
 };
 
@@ -98,6 +102,7 @@ class DeviceBench {
   std::unique_ptr<StagedPlant> plant_;
   LmsEmulator laser_;
   std::vector<std::unique_ptr<CanopenNode>> nodes_;
+  std::optional<QuadratureEncoder> turret_lines_;
   std::vector<TimedFrame> sent_;  ///< scratch
   std::deque<BusFrame> bus_;      ///< frames on their way, by the instant they are complete
   Time bus_free_;

@@ -42,6 +42,10 @@ class OfflineHost final : public hal::FrontEndSink {
       record(msgs::CanRecord{.kind = msgs::CanRecord::Kind::LinkUp, .frame = {}});
       front_end_.on_can_link(now_, true);
     }
+    if (hal::is_on_gpio(options_.hal.turret)) {
+      record(msgs::GpioRecord{.kind = msgs::GpioRecord::Kind::LinkUp, .edges = {}});
+      front_end_.on_turret_link(now_, true);
+    }
   }
 
   /// Sleeps until the next read and handles everything that arrived meanwhile.
@@ -56,6 +60,8 @@ class OfflineHost final : public hal::FrontEndSink {
     bench_.poll(t_read, output_);
     for (const TimedFrame& frame : output_.can) { take_frame(frame); }
     if (!output_.laser.empty()) { take_laser_bytes(t_read); }
+    edges_.insert(edges_.end(), output_.edges.begin(), output_.edges.end());
+    if (!edges_.empty() && t_read >= next_edges_) { take_edges(t_read); }
     advance_to(t_read);
   }
 
@@ -64,9 +70,12 @@ class OfflineHost final : public hal::FrontEndSink {
   std::uint64_t laser_bytes() const { return laser_bytes_; }
   std::uint64_t can_frames() const { return can_frames_; }
 
-  /// True when every device that is configured delivers.
+  /// True when every device that is configured delivers. A turret on GPIO has nothing to say before it turns.
   bool is_served() const {
-    const DeviceHealthTable& health = front_end_.health();
+    DeviceHealthTable health = front_end_.health();
+    if (hal::is_on_gpio(options_.hal.turret)) {
+      health[static_cast<std::size_t>(Device::Turret)].state = DeviceState::Running;
+    }
     return std::all_of(health.begin(), health.end(), [](const DeviceHealth& device) {
       return device.state == DeviceState::Running || device.state == DeviceState::Disabled;
     });
@@ -150,6 +159,15 @@ class OfflineHost final : public hal::FrontEndSink {
     front_end_.on_laser_bytes(now_, chunk_);
   }
 
+  /// The kernel keeps edges until the host reads them, once in 10 ms.
+  void take_edges(Time t_read) {
+    next_edges_ = t_read + kTickPeriod;
+    advance_to(t_read + uniform(options_.host.stamp_delay));
+    record(msgs::GpioRecord{.kind = msgs::GpioRecord::Kind::Received, .edges = edges_});
+    front_end_.on_turret_edges(now_, edges_);
+    edges_.clear();
+  }
+
   DeviceBench& bench_;
   const OfflineOptions& options_;
   const RecordWriter& writer_;
@@ -163,6 +181,8 @@ class OfflineHost final : public hal::FrontEndSink {
   std::optional<Error> error_;
   BenchOutput output_;
   std::vector<std::uint8_t> chunk_;
+  std::vector<hal::EdgeRecord> edges_;
+  Time next_edges_;
   std::uint64_t laser_bytes_ = 0;
   std::uint64_t can_frames_ = 0;
   hal::FrontEnd front_end_;  // last: it may call back while it is built

@@ -226,6 +226,10 @@ Samples replay(const std::vector<msgs::LogRecord>& records, const OfflineOptions
       if (can->kind == msgs::CanRecord::Kind::LinkUp) { front_end.on_can_link(record.t, true); }
       if (can->kind == msgs::CanRecord::Kind::Received) { front_end.on_can_frame(record.t, can->frame); }
     }
+    if (const auto* gpio = std::get_if<msgs::GpioRecord>(&record.body)) {
+      if (gpio->kind == msgs::GpioRecord::Kind::LinkUp) { front_end.on_turret_link(record.t, true); }
+      if (gpio->kind == msgs::GpioRecord::Kind::Received) { front_end.on_turret_edges(record.t, gpio->edges); }
+    }
   }
   return samples;
 }
@@ -251,6 +255,34 @@ TEST(OfflineDrive, ReplayOfTheLogGivesTheVerySameSamples) {
   }
   EXPECT_EQ(again.odometry.size(), drive.samples.odometry.size());
   EXPECT_EQ(again.tilt.size(), drive.samples.tilt.size());
+}
+
+TEST(OfflineDrive, ATurretOnGpioLinesIsThePlantsAndItsLogGivesTheVerySameSamples) {
+  for (const bool is_turned_round : {false, true}) {
+    hal::HalConfig hal;
+    hal.turret.link = hal::EncoderLink::Gpio;
+    hal.turret.counts_per_turn = 4096.0;
+    hal.turret.reversed = is_turned_round;
+    OfflineOptions options = options_for(hal);
+    options.calibration.turret_latency_s = 0.0002;
+    options.bench = bench_options(hal, options.calibration, options.seed);
+    const Drive drive(options, 10.0);
+    EXPECT_TRUE(drive.report.was_ready);
+    // The index is passed at 7.6 s.
+    ASSERT_NEAR(static_cast<double>(drive.samples.turret.size()), 2.4 * 200.0, 10.0);
+    EXPECT_TRUE(drive.samples.turret.front().restarted);
+    for (const TurretSample& sample : drive.samples.turret) {
+      const double angle = FormulaPlant::turret_rad(drive.plant_time(sample.t));
+      EXPECT_NEAR(wrap_to_pi(sample.angle_rad - angle), 0.0, 1e-4);
+    }
+    const Samples again = replay(drive.records, options);
+    ASSERT_EQ(again.turret.size(), drive.samples.turret.size());
+    for (std::size_t k = 0; k < again.turret.size(); ++k) {
+      ASSERT_EQ(to_ns(again.turret[k].t), to_ns(drive.samples.turret[k].t));
+      ASSERT_EQ(again.turret[k].angle_rad, drive.samples.turret[k].angle_rad);
+      ASSERT_EQ(again.turret[k].sigma_rad, drive.samples.turret[k].sigma_rad);
+    }
+  }
 }
 
 TEST(OfflineDrive, AWriterThatFailsEndsTheDrive) {
