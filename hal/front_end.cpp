@@ -211,6 +211,7 @@ void FrontEnd::on_laser_link(Time now, bool is_open) {
 
 void FrontEnd::on_turret_edges(Time t_receive, std::span<const EdgeRecord> edges) {
   impl_->gpio_turret.on_edges(t_receive, edges);
+  if (!edges.empty()) { impl_->laser.on_motion(t_receive); }
 }
 
 void FrontEnd::on_turret_link(Time now, bool is_open) {

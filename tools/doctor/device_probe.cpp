@@ -100,6 +100,7 @@ class Probe final : private hal::FrontEndSink, private hal::LinkTap {
   void on_laser_sent(Time /*t*/, std::span<const std::uint8_t> /*bytes*/) override {}
   void on_laser_link(Time /*t*/, bool /*is_open*/) override {}
   void on_laser_baud(Time /*t*/, int baud) override { baud_ = baud; }
+  void on_turret_edges(Time t, std::span<const hal::EdgeRecord> /*edges*/) override { t_now_ = t; }
   void on_can_received(Time t, const hal::CanFrame& /*frame*/) override {
     t_now_ = t;
     add(Device::Can, t);
@@ -121,9 +122,12 @@ struct Expectation {
 
 std::array<Expectation, kDeviceCount> expectations(const hal::HalConfig& config) {
   const bool has_can = config.can.enabled;
+  const bool is_gpio = is_on_gpio(config.turret);
   return {
       {{Device::Laser, config.laser.enabled, "its power, its wiring (RX and TX swapped?) and its baud rate"},
-       {Device::Turret, has_can && config.turret.enabled, "its node id, power, and the bit rate of the bus"},
+       {Device::Turret, (has_can || is_gpio) && config.turret.enabled,
+        is_gpio ? "its power, its lines (gpioinfo) and whether the turret turns"
+                : "its node id, power, and the bit rate of the bus"},
        {Device::WheelLeft, has_can && config.wheel_left.enabled, "its node id, power, and the bit rate of the bus"},
        {Device::WheelRight, has_can && config.wheel_right.enabled, "its node id, power, and the bit rate of the bus"},
        {Device::Tilt, has_can && config.tilt.enabled, "its node id, power, and the bit rate of the bus"},
@@ -171,7 +175,8 @@ Findings judge_probe(const ProbeFacts& facts, const hal::HalConfig& config) {
       continue;
     }
     // Without a bus there is nothing to say about what is on it.
-    const bool is_on_bus = expected.device != Device::Laser && expected.device != Device::Can;
+    const bool is_on_bus = expected.device != Device::Laser && expected.device != Device::Can &&
+                           !(expected.device == Device::Turret && is_on_gpio(config.turret));
     const DeviceFacts& device = facts.devices[static_cast<std::size_t>(expected.device)];
     if (is_on_bus && !device.error.empty()) { continue; }
     findings.push_back(judge_device(device, expected));
