@@ -32,7 +32,7 @@ double AngleTrack::rate_per_s() const {
   return elapsed_s > 0.0 ? static_cast<double>(newest.position - oldest.position) / elapsed_s : 0.0;
 }
 
-TrackPoint AngleTrack::between(const Knot& before, const Knot& after, Time t) const {
+TrackPoint AngleTrack::between(const Knot& before, const Knot& after, Time t) {
   const double step = static_cast<double>(after.position - before.position);
   const double elapsed_s = to_s(after.t - before.t);
   const double s = to_s(t - before.t) / elapsed_s;

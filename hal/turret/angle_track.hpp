@@ -53,7 +53,7 @@ class AngleTrack {
 
   /// 0: the newest.
   const Knot& knot(std::size_t age) const { return knots_[(end_ + kCapacity - 1 - age) % kCapacity]; }
-  TrackPoint between(const Knot& before, const Knot& after, Time t) const;
+  static TrackPoint between(const Knot& before, const Knot& after, Time t);
   TrackPoint after_newest(Time t) const;
 
   std::array<Knot, kCapacity> knots_{};

@@ -93,11 +93,11 @@ void QuadratureDecoder::on_edges(Time t_receive, std::span<const EdgeRecord> edg
     if (edge.line == EdgeLine::Z) {
       if (!config_.has_index) { continue; }
       // The channel's edge before it counts, so that the index knows where it is.
-      if (phase_) { commit_phase(); }
-      if (z_) { commit_index(); }
+      commit_phase();
+      commit_index();
       z_ = Pending{edge, is_timed, count_, is_upwards_, has_motion_ && is_synchronised_};
     } else {
-      if (phase_) { commit_phase(); }
+      commit_phase();
       phase_ = Pending{.edge = edge, .is_timed = is_timed};
     }
   }
@@ -120,8 +120,8 @@ bool QuadratureDecoder::accept_sequence(const EdgeRecord& edge) {
 void QuadratureDecoder::on_gap(std::uint32_t lost) {
   ++counters_.gaps;
   counters_.lost += lost;
-  if (phase_) { commit_phase(); }
-  if (z_) { commit_index(); }
+  commit_phase();
+  commit_index();
   level_ = {};
   edges_alone_ = {};
   doubt(lost);
@@ -164,6 +164,7 @@ bool QuadratureDecoder::is_glitch(std::optional<Pending>& pending, const EdgeRec
 }
 
 void QuadratureDecoder::commit_phase() {
+  if (!phase_) { return; }
   const Pending pending = *phase_;
   phase_.reset();
   const EdgeRecord& edge = pending.edge;
@@ -179,19 +180,19 @@ void QuadratureDecoder::commit_phase() {
   }
   const bool was_known = level.has_value();
   level = edge.is_rising;
-  if (!level_[0].has_value() || !level_[1].has_value()) { return; }
-  if (!was_known) {
-    resynchronise(pending);
-    return;
+  const std::optional<bool> a = level_[0];
+  const std::optional<bool> b = level_[1];
+  if (!a || !b) { return; }
+  if (was_known) {
+    move(pending, edge.line == EdgeLine::A ? *a != *b : *a == *b);
+  } else {
+    resynchronise(pending, *a, *b);
   }
-  const bool a = *level_[0];
-  const bool b = *level_[1];
-  move(pending, edge.line == EdgeLine::A ? a != b : a == b);
 }
 
 /// Both levels are known again: the count that fits them next to where the shaft would have gone.
-void QuadratureDecoder::resynchronise(const Pending& pending) {
-  const std::int64_t wanted = place(*level_[0], *level_[1]);
+void QuadratureDecoder::resynchronise(const Pending& pending, bool a, bool b) {
+  const std::int64_t wanted = place(a, b);
   double ahead = 0.0;
   if (is_synchronised_ && pending.is_timed) {
     ahead = rate_before_ * std::clamp(to_s(pending.edge.t - t_before_), 0.0, to_s(kLongestSpan));
@@ -246,6 +247,7 @@ void QuadratureDecoder::watch_channels(EdgeLine line) {
 }
 
 void QuadratureDecoder::commit_index() {
+  if (!z_) { return; }
   const Pending pending = *z_;
   z_.reset();
   if (pending.edge.is_rising) {

@@ -103,7 +103,7 @@ class QuadratureDecoder {
   bool is_glitch(std::optional<Pending>& pending, const EdgeRecord& edge, bool is_timed);
   void commit_phase();
   void commit_index();
-  void resynchronise(const Pending& pending);
+  void resynchronise(const Pending& pending, bool a, bool b);
   void move(const Pending& pending, bool is_upwards);
   void watch_channels(EdgeLine line);
   std::int64_t index_position(const Pending& pending) const;

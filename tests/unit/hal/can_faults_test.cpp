@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <map>
@@ -196,7 +197,7 @@ class WheelsBench {
  public:
   WheelsBench() : bench(can_only()) { bench.front_end.on_can_link(bench.now, true); }
   void run(double seconds) {
-    for (int k = 0; k < static_cast<int>(seconds * 100.0 + 0.5); ++k) {
+    for (std::int64_t k = 0; k < std::llround(seconds * 100.0); ++k) {
       bench.run(0.01);
       left += 10;
       right += 10;

@@ -18,7 +18,6 @@ namespace {
 using test::Host;
 using test::laser_at;
 using test::PtyLaser;
-using test::PtyPair;
 using testing::HasSubstr;
 
 /// File permissions hold for the calling thread, also when the tests run as root.

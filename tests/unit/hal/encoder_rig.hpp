@@ -76,7 +76,7 @@ class EncoderRig final : public QuadratureDecoder::Listener {
       const Time t0 = now;
       now += std::chrono::milliseconds(10);
       const double to = encoder.position() + (rate_hz * static_cast<double>(kTurn) * to_s(now - t0));
-      path.push_back({t0, encoder.position()});
+      path.emplace_back(t0, encoder.position());
       auto edges = rate_hz == 0.0 ? std::vector<EdgeRecord>{} : encoder.move(t0, now, to);
       if (distort) { distort(edges); }
       send(edges);

@@ -10,6 +10,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdarg>
 #include <cstdlib>
@@ -41,8 +42,8 @@ struct FakeChip {
 FakeChip chip;
 
 void copy_name(const std::string& text, char* target) {
-  std::memset(target, 0, GPIO_MAX_NAME_SIZE);
-  std::memcpy(target, text.data(), std::min<std::size_t>(text.size(), GPIO_MAX_NAME_SIZE - 1));
+  std::fill_n(target, GPIO_MAX_NAME_SIZE, '\0');
+  text.copy(target, GPIO_MAX_NAME_SIZE - 1);
 }
 
 int fail(int code) {
@@ -115,8 +116,8 @@ char* realpath(const char* path, char* resolved) noexcept {
   // What libgpiod asks to know a GPIO chip by.
   if (std::strcmp(path, "/sys/dev/char/1:3/subsystem") == 0) { return ::strdup("/sys/bus/gpio"); }
   using Function = char* (*)(const char*, char*);
-  static const auto real = reinterpret_cast<Function>(::dlsym(RTLD_NEXT, "realpath"));
-  return real(path, resolved);
+  static const auto kReal = reinterpret_cast<Function>(::dlsym(RTLD_NEXT, "realpath"));
+  return kReal(path, resolved);
 }
 
 }  // extern "C"

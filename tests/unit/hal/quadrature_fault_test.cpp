@@ -106,7 +106,7 @@ TEST(QuadratureFaults, AStormOfEdgesIsAFaultThatPasses) {
   EXPECT_GT(rig.counters().glitches, 40'000U);
   EXPECT_EQ(rig.decoder.state(), DeviceState::Faulty);
   EXPECT_THAT(rig.decoder.detail(), HasSubstr("debounce"));
-  rig.path.push_back({begin, rig.encoder.position()});
+  rig.path.emplace_back(begin, rig.encoder.position());
   rig.turn(kRate_hz, 0.3);
   rig.turn(kRate_hz, 1.1 * kTurnTime_s);
   EXPECT_EQ(rig.decoder.state(), DeviceState::Running);
