@@ -251,8 +251,7 @@ void QuadratureDecoder::commit_index() {
   const Pending pending = *z_;
   z_.reset();
   if (pending.edge.is_rising) {
-    ++indices_alone_;
-    if (indices_alone_ == kMostIndicesAlone) {
+    if (++indices_alone_ == kMostIndicesAlone) {
       ++counters_.dead_channel;
       is_channel_dead_ = true;
       doubt(config_.counts_per_turn);
