@@ -13,7 +13,7 @@ inline void require(bool condition) {
   if (!condition) { std::abort(); }
 }
 
-class CheckingSink final : public hal::FrontEndSink {
+class CheckingSink : public hal::FrontEndSink {
  public:
   void on_line(const ScanLine& line) override {
     require(line.beam_count > 0 && line.beam_count <= kMaxBeams && line.interlace >= 1);
