@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <fstream>
 
+#include "daemon/raw_record.hpp"
 #include "msgs/log.hpp"
 #include "msgs/map_file.hpp"
 #include "support/temporary_directory.hpp"
+#include "tests/unit/hal/encoder_rig.hpp"
 
 namespace rosid::daemon {
 namespace {
@@ -114,6 +117,66 @@ TEST(Replay, ARecordFromTheFarFutureIsSkipped) {
   ASSERT_TRUE(result);
   EXPECT_EQ(result->summary.t_last, time_from_s(1.0));
   EXPECT_EQ(result->summary.log_skipped, 1U);
+}
+
+// What the I/O thread cuts into pieces comes together again, and what a full queue dropped does not harm the rest.
+TEST(Replay, EdgesCrossTheQueueToTheRecorderWhole) {
+  std::vector<hal::EdgeRecord> edges(30);
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    edges[k] = {.t = time_from_ns(static_cast<std::int64_t>(k)), .sequence = static_cast<std::uint32_t>(k)};
+  }
+  constexpr std::size_t kPiece = RawRecord::kMaxBytes / sizeof(hal::EdgeRecord);
+  for (const std::size_t dropped : {std::size_t{99}, std::size_t{1}}) {
+    RawAssembler assembler;
+    std::optional<msgs::LogRecord> record;
+    for (std::size_t first = 0; first < edges.size(); first += kPiece) {
+      if (first / kPiece == dropped) { continue; }
+      RawRecord raw;
+      raw.kind = RawRecord::Kind::EdgesReceived;
+      const std::size_t count = std::min(kPiece, edges.size() - first);
+      raw.length = static_cast<std::uint16_t>(count * sizeof(hal::EdgeRecord));
+      raw.continues = first + count < edges.size();
+      std::memcpy(raw.bytes.data(), &edges[first], raw.length);
+      record = assembler.add(raw);
+    }
+    ASSERT_TRUE(record);
+    const auto& got = std::get<msgs::GpioRecord>(record->body).edges;
+    ASSERT_EQ(got.size(), dropped == 1 ? edges.size() - kPiece : edges.size());
+    EXPECT_EQ(got.back().sequence, 29U);
+    EXPECT_EQ(got[kPiece].sequence, dropped == 1 ? 2 * kPiece : kPiece);
+  }
+}
+
+TEST(Replay, ATurretOnGpioLinesIsReplayed) {
+  const TemporaryDirectory directory;
+  auto writer = msgs::LogWriter::create(directory / "drive.log");
+  ASSERT_TRUE(writer);
+  Time t = time_from_s(100.0);
+  ASSERT_TRUE(writer->write({t, msgs::ConfigRecord{"[turret]\nlink = \"gpio\"\ncounts_per_turn = 400\n"}}));
+  ASSERT_TRUE(writer->write({t, msgs::GpioRecord{msgs::GpioRecord::Kind::LinkUp, {}}}));
+  hal::test::EncoderModel encoder(400, 100);
+  std::uint32_t sequence = 0;
+  for (int k = 0; k < 300; ++k) {
+    auto edges = encoder.move(t, t + std::chrono::milliseconds(10), encoder.position() + 2.0);
+    for (hal::EdgeRecord& edge : edges) { edge.sequence = ++sequence; }
+    t += std::chrono::milliseconds(10);
+    ASSERT_TRUE(writer->write({t, msgs::GpioRecord{msgs::GpioRecord::Kind::Received, edges}}));
+  }
+  ASSERT_TRUE(writer->flush());
+  const auto turret_after = [&] {
+    const auto result = run_replay(directory / "drive.log");
+    EXPECT_TRUE(result);
+    return result->summary.devices[static_cast<std::size_t>(Device::Turret)];
+  };
+  const DeviceHealth turret = turret_after();
+  EXPECT_EQ(turret.state, DeviceState::Running);
+  // The index is passed after 0.5 s.
+  EXPECT_NEAR(static_cast<double>(turret.samples), 2.5 * 200.0, 5.0);
+  EXPECT_EQ(turret.lost + turret.format_errors + turret.checksum_errors + turret.rejected, 0U);
+  EXPECT_EQ(turret_after().samples, turret.samples);
+  ASSERT_TRUE(writer->write({t, msgs::GpioRecord{msgs::GpioRecord::Kind::LinkDown, {}}}));
+  ASSERT_TRUE(writer->flush());
+  EXPECT_EQ(turret_after().state, DeviceState::Absent);
 }
 
 }  // namespace
