@@ -34,6 +34,15 @@ void visit_fields(Visitor& v, hal::CanConfig& c) {
 }
 
 template <typename Visitor>
+void visit_signal(Visitor& v, hal::SignalConfig& c) {
+  v.integer("signal_id", c.id);
+  v.boolean("signal_extended", c.extended);
+  v.integer("signal_offset_bits", c.offset_bits);
+  v.integer("signal_length_bits", c.length_bits);
+  v.choice("signal_order", c.order, {{"little", hal::ByteOrder::Little}, {"big", hal::ByteOrder::Big}});
+}
+
+template <typename Visitor>
 void visit_fields(Visitor& v, hal::EncoderConfig& c, bool is_turret) {
   v.boolean("enabled", c.enabled);
   if (is_turret) { v.choice("link", c.link, {{"can", hal::EncoderLink::Can}, {"gpio", hal::EncoderLink::Gpio}}); }
@@ -41,6 +50,7 @@ void visit_fields(Visitor& v, hal::EncoderConfig& c, bool is_turret) {
   if (is_turret) { v.number("counts_per_turn", c.counts_per_turn); }
   v.boolean("reversed", c.reversed);
   v.number("silence_limit_s", c.silence_limit_s);
+  visit_signal(v, c.signal);
 }
 
 template <typename Visitor>
@@ -59,6 +69,9 @@ void visit_fields(Visitor& v, hal::TiltConfig& c) {
   v.boolean("swap_axes", c.swap_axes);
   v.booleans("reversed", c.reversed);
   v.number("silence_limit_s", c.silence_limit_s);
+  visit_signal(v, c.signal);
+  v.integer("signal_lateral_offset_bits", c.signal_lateral_offset_bits);
+  v.number("signal_scale_deg", c.signal_scale_deg);
 }
 
 template <typename Visitor>

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <string>
 #include <utility>
 
@@ -81,12 +82,35 @@ void check_gpio(Problems& problems, const HalConfig& config) {
   }
 }
 
+/// Nothing to say about a sensor that is a CANopen node.
+void check_signal(Problems& problems, const std::string& key, const SignalConfig& signal,
+                  std::initializer_list<int> offsets_bits) {
+  if (signal.id == 0) { return; }
+  const int most = signal.extended ? 0x1FFFFFFF : 0x7FF;
+  if (signal.id < 0 || signal.id > most) {
+    problems.push_back(key + ".signal_id must be an identifier of 11 bits, or of 29 when it is extended");
+  }
+  if (signal.length_bits < 4 || signal.length_bits > 32) {
+    problems.push_back(key + ".signal_length_bits must lie between 4 and 32");
+  }
+  const bool fits = std::all_of(offsets_bits.begin(), offsets_bits.end(), [&signal](int offset_bits) {
+    return offset_bits >= 0 && offset_bits <= 64 - signal.length_bits;
+  });
+  if (!fits) { problems.push_back(key + ": the signal must lie within the 64 bits of a frame"); }
+}
+
+/// Number of the CANopen node, 0 for none.
+template <typename Sensor>
+int node_of(const Sensor& sensor) {
+  return is_on_can(sensor) && sensor.signal.id == 0 ? sensor.node_id : 0;
+}
+
 void check_distinct_nodes(Problems& problems, const HalConfig& config) {
   const std::array<std::pair<const char*, int>, 4> nodes{{
-      {"wheel_left", config.wheel_left.enabled ? config.wheel_left.node_id : 0},
-      {"wheel_right", config.wheel_right.enabled ? config.wheel_right.node_id : 0},
-      {"turret", is_on_can(config.turret) ? config.turret.node_id : 0},
-      {"tilt", config.tilt.enabled ? config.tilt.node_id : 0},
+      {"wheel_left", node_of(config.wheel_left)},
+      {"wheel_right", node_of(config.wheel_right)},
+      {"turret", node_of(config.turret)},
+      {"tilt", node_of(config.tilt)},
   }};
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     for (std::size_t j = i + 1; j < nodes.size(); ++j) {
@@ -111,7 +135,9 @@ std::vector<std::string> validate(const HalConfig& config) {
       {{"wheel_left", &config.wheel_left}, {"wheel_right", &config.wheel_right}, {"turret", &config.turret}}};
   for (const auto& [key, encoder] : encoders) {
     if (!encoder->enabled) { continue; }
-    if (is_on_can(*encoder)) { check_node_id(problems, key, encoder->node_id); }
+    const bool is_plain = encoder->signal.id != 0;
+    if (is_on_can(*encoder) && !is_plain) { check_node_id(problems, key, encoder->node_id); }
+    if (is_on_can(*encoder)) { check_signal(problems, key, encoder->signal, {encoder->signal.offset_bits}); }
     check_silence_limit(problems, key, encoder->silence_limit_s);
   }
   if (is_on_gpio(config.turret)) { check_gpio(problems, config); }
@@ -120,7 +146,14 @@ std::vector<std::string> validate(const HalConfig& config) {
     problems.emplace_back("turret.counts_per_turn must be at least 1: the counts of one turret revolution");
   }
   if (config.tilt.enabled) {
-    check_node_id(problems, "tilt", config.tilt.node_id);
+    if (config.tilt.signal.id == 0) { check_node_id(problems, "tilt", config.tilt.node_id); }
+    check_signal(problems, "tilt", config.tilt.signal,
+                 {config.tilt.signal.offset_bits, config.tilt.signal_lateral_offset_bits});
+    // Not "scale == 0": that would let NaN pass.
+    const double scale_deg = std::abs(config.tilt.signal_scale_deg);
+    if (!(scale_deg > 0.0 && scale_deg <= 180.0)) {
+      problems.emplace_back("tilt.signal_scale_deg must be the angle of one unit, not 0 and at most 180 degrees");
+    }
     check_silence_limit(problems, "tilt", config.tilt.silence_limit_s);
   }
   check_distinct_nodes(problems, config);

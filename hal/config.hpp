@@ -34,7 +34,19 @@ struct CanConfig {
 
 enum class EncoderLink : std::uint8_t { Can, Gpio };
 
-/// One CiA 406 encoder, or the turret's incremental encoder on GPIO lines.
+enum class ByteOrder : std::uint8_t { Little, Big };
+
+/// Where a value stands in a plain data frame, for sensors that are no CANopen nodes.
+struct SignalConfig {
+  int id = 0;  ///< identifier of the frame; 0: none, the sensor is a CANopen node
+  bool extended = false;
+  int offset_bits = 0;  ///< as extract_bits() counts them, from the value's end that the order names
+  int length_bits = 32;
+  ByteOrder order = ByteOrder::Little;
+};
+
+/// One CiA 406 encoder, a position in a plain frame that wraps at its length, or the turret's incremental encoder on
+/// GPIO lines.
 struct EncoderConfig {
   bool enabled = true;
   EncoderLink link = EncoderLink::Can;  ///< turret only
@@ -42,6 +54,7 @@ struct EncoderConfig {
   double counts_per_turn = 0.0;         ///< turret only: counts of one turret revolution
   bool reversed = false;
   double silence_limit_s = 0.3;
+  SignalConfig signal{};
 };
 
 constexpr bool is_on_can(const EncoderConfig& encoder) {
@@ -63,14 +76,21 @@ struct GpioConfig {
 /// Digits only.
 bool is_line_offset(const std::string& line);
 
-/// One CiA 410 inclinometer.
+/// One CiA 410 inclinometer, or two angles in one plain frame.
 struct TiltConfig {
   bool enabled = true;
   int node_id = 10;
   bool swap_axes = false;
   std::array<bool, 2> reversed{false, false};  ///< longitudinal, lateral
   double silence_limit_s = 0.5;
+  SignalConfig signal{.length_bits = 16};  ///< of the longitudinal angle, two's complement
+  int signal_lateral_offset_bits = 16;
+  double signal_scale_deg = 0.01;  ///< angle of one unit
 };
+
+constexpr bool is_on_can(const TiltConfig& tilt) {
+  return tilt.enabled;
+}
 
 struct HalConfig {
   LaserConfig laser;

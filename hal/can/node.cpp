@@ -29,6 +29,9 @@ Node::Node(int node_id, Duration silence_limit, std::span<const SetupStep> steps
       steps_(steps),
       actions_(actions) {}
 
+Node::Node(PlainFrame frame, Duration silence_limit, NodeActions& actions)
+    : node_id_(0), plain_(frame), tpdo1_id_(frame.id), silence_limit_(silence_limit), actions_(actions) {}
+
 void Node::on_link(Time now, bool is_open) {
   has_delivered_ = false;
   is_lost_ = false;
@@ -36,7 +39,7 @@ void Node::on_link(Time now, bool is_open) {
   bad_streak_ = 0;
   emergency_ = 0;
   pause_ = kPauseMin;
-  tpdo1_id_ = cob::kTpdo1 + static_cast<std::uint32_t>(node_id_);
+  if (!plain_) { tpdo1_id_ = cob::kTpdo1 + static_cast<std::uint32_t>(node_id_); }
   if (is_open) {
     begin(now);
     return;
@@ -149,12 +152,15 @@ void Node::on_deadline(Time now) {
 bool Node::on_frame(Time t_receive, const CanFrame& frame) {
   if (phase_ == Phase::Closed || frame.is_error) { return false; }
   const auto id = static_cast<std::uint32_t>(node_id_);
+  const bool is_extended_wanted = plain_ && plain_->is_extended;
+  // An identifier of the other length is another identifier; a node's own would only be a collision.
+  if (plain_ && frame.is_extended != is_extended_wanted) { return false; }
   const bool is_data = frame.id == tpdo1_id_;
-  const bool is_sdo = frame.id == cob::kSdoAnswer + id;
-  const bool is_heartbeat = frame.id == cob::kHeartbeat + id;
-  const bool is_emergency = frame.id == cob::kEmergency + id;
+  const bool is_sdo = !plain_ && frame.id == cob::kSdoAnswer + id;
+  const bool is_heartbeat = !plain_ && frame.id == cob::kHeartbeat + id;
+  const bool is_emergency = !plain_ && frame.id == cob::kEmergency + id;
   if (!is_data && !is_sdo && !is_heartbeat && !is_emergency) { return false; }
-  if (frame.is_extended || frame.is_remote || frame.length > 8) {
+  if (frame.is_extended != is_extended_wanted || frame.is_remote || frame.length > 8) {
     ++counters_.format_errors;
     return true;
   }
@@ -266,6 +272,7 @@ void Node::on_data(Time t, const CanFrame& frame) {
 }
 
 void Node::send_nmt(NmtCommand command) {
+  if (plain_) { return; }
   actions_.send(nmt_frame(command, node_id_));
 }
 
@@ -286,10 +293,12 @@ const char* Node::detail() const {
     case Phase::Setup:
     case Phase::Starting:
       if (pause_ > kPauseMin) { break; }  // not the first attempt
+      if (plain_) { return "no frame with this identifier yet"; }
       return phase_ == Phase::Setup ? "setting up by SDO" : "started, no process data yet";
     case Phase::Running: return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
     case Phase::BackOff: break;
   }
+  if (plain_) { return "no frame with this identifier; check signal_id, bit rate and termination"; }
   return is_heard_ ? "answers, but sends no process data (TPDO1); check its mapping and event timer"
                    : "no frame from this node; check node number, bit rate and termination";
 }

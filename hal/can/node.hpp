@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "base/health.hpp"
@@ -71,6 +72,12 @@ class Node {
 
   /// steps must outlive the node.
   Node(int node_id, Duration silence_limit, std::span<const SetupStep> steps, NodeActions& actions);
+  /// A sender of plain data frames in place of a CANopen node: listened to, told nothing.
+  struct PlainFrame {
+    std::uint32_t id = 0;
+    bool is_extended = false;
+  };
+  Node(PlainFrame frame, Duration silence_limit, NodeActions& actions);
 
   void on_link(Time now, bool is_open);
   /// Any frame of the bus; others' are ignored. True: it was this node's.
@@ -102,6 +109,7 @@ class Node {
   void send_nmt(NmtCommand command);
 
   int node_id_;
+  std::optional<PlainFrame> plain_;
   std::uint32_t tpdo1_id_;
   Duration silence_limit_;
   std::span<const SetupStep> steps_;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/units.hpp"
+#include "hal/can/signal.hpp"
 
 namespace rosid::hal {
 
@@ -61,16 +62,16 @@ constexpr std::array kTiltSteps{
 
 constexpr std::uint32_t kDefaultResolution_mdeg = 10;
 constexpr std::uint32_t kMostResolution_mdeg = 1000;
+// Slopes of 16 bits one after the other; only their layout is of use.
+constexpr SignalConfig kCia410{.length_bits = 16};
 constexpr double kMostTilt_rad = kPi / 2.0;
 
-std::uint32_t u32_at(std::span<const std::uint8_t> d) {
-  return static_cast<std::uint32_t>(d[0]) | (static_cast<std::uint32_t>(d[1]) << 8U) |
-         (static_cast<std::uint32_t>(d[2]) << 16U) | (static_cast<std::uint32_t>(d[3]) << 24U);
-}
-
-std::int16_t i16_at(std::span<const std::uint8_t> d, std::size_t offset) {
-  return static_cast<std::int16_t>(
-      static_cast<std::uint16_t>(static_cast<unsigned>(d[offset]) | (static_cast<unsigned>(d[offset + 1]) << 8U)));
+canopen::Node make_node(const SignalConfig& signal, int node_id, double silence_limit_s,
+                        std::span<const SetupStep> steps, canopen::NodeActions& actions) {
+  const Duration silence_limit = duration_from_s(silence_limit_s);
+  if (signal.id == 0) { return {node_id, silence_limit, steps, actions}; }
+  const canopen::Node::PlainFrame frame{static_cast<std::uint32_t>(signal.id), signal.extended};
+  return {frame, silence_limit, actions};
 }
 
 }  // namespace
@@ -81,7 +82,10 @@ EncoderSensor::EncoderSensor(const EncoderConfig& config, CountUnwrapper::Kind k
       counter_(kind, max_rate),
       sink_(sink),
       listener_(listener),
-      node_(config.node_id, duration_from_s(config.silence_limit_s), kEncoderSteps, *this) {}
+      node_(make_node(config.signal, config.node_id, config.silence_limit_s, kEncoderSteps, *this)) {
+  const bool wraps_early = config.signal.id != 0 && config.signal.length_bits < 32;
+  if (wraps_early) { counter_.set_range(std::uint32_t{1} << static_cast<unsigned>(config.signal.length_bits)); }
+}
 
 void EncoderSensor::send(const CanFrame& frame) {
   sink_.write_can(frame);
@@ -92,8 +96,12 @@ void EncoderSensor::on_object(canopen::Object object, std::uint32_t value) {
 }
 
 canopen::Verdict EncoderSensor::on_process_data(Time t_receive, std::span<const std::uint8_t> data) {
-  if (data.size() < 4) { return canopen::Verdict::Malformed; }
-  switch (counter_.update(t_receive, u32_at(data))) {
+  const SignalConfig& signal = config_.signal;
+  const std::optional<std::uint32_t> position =
+      signal.id == 0 ? extract_bits(data, 0, 32, ByteOrder::Little)
+                     : extract_bits(data, signal.offset_bits, signal.length_bits, signal.order);
+  if (!position) { return canopen::Verdict::Malformed; }
+  switch (counter_.update(t_receive, *position)) {
     case CountUnwrapper::Outcome::Rejected: return canopen::Verdict::Rejected;
     case CountUnwrapper::Outcome::Malformed: return canopen::Verdict::Malformed;
     case CountUnwrapper::Outcome::Accepted: break;
@@ -110,7 +118,7 @@ TiltSensor::TiltSensor(const TiltConfig& config, const Calibration& calibration,
     : config_(config),
       latency_(duration_from_s(calibration.tilt_latency_s)),
       sink_(sink),
-      node_(config.node_id, duration_from_s(config.silence_limit_s), kTiltSteps, *this),
+      node_(make_node(config.signal, config.node_id, config.silence_limit_s, kTiltSteps, *this)),
       resolution_mdeg_(kDefaultResolution_mdeg) {}
 
 void TiltSensor::send(const CanFrame& frame) {
@@ -124,13 +132,18 @@ void TiltSensor::on_object(canopen::Object object, std::uint32_t value) {
 }
 
 canopen::Verdict TiltSensor::on_process_data(Time t_receive, std::span<const std::uint8_t> data) {
-  if (data.size() < 4) { return canopen::Verdict::Malformed; }
-  const double unit_rad = rad_from_deg(0.001 * static_cast<double>(resolution_mdeg_));
+  const bool is_plain = config_.signal.id != 0;
+  const SignalConfig& signal = is_plain ? config_.signal : kCia410;
+  const double unit_rad =
+      rad_from_deg(is_plain ? config_.signal_scale_deg : 0.001 * static_cast<double>(resolution_mdeg_));
+  const std::array offsets_bits{signal.offset_bits, is_plain ? config_.signal_lateral_offset_bits : 16};
   std::array<double, 2> angle_rad{};
   for (std::size_t axis = 0; axis < 2; ++axis) {
     const std::size_t source = config_.swap_axes ? 1 - axis : axis;
+    const auto bits = extract_bits(data, offsets_bits[source], signal.length_bits, signal.order);
+    if (!bits) { return canopen::Verdict::Malformed; }
     const double sign = config_.reversed[axis] ? -1.0 : 1.0;
-    angle_rad[axis] = sign * unit_rad * static_cast<double>(i16_at(data, 2 * source));
+    angle_rad[axis] = sign * unit_rad * static_cast<double>(sign_extended(*bits, signal.length_bits));
   }
   const bool is_in_range = std::abs(angle_rad[0]) <= kMostTilt_rad && std::abs(angle_rad[1]) <= kMostTilt_rad;
   const bool is_in_error = node_.emergency() != 0 && canopen::concerns_measurement(node_.emergency());

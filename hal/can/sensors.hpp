@@ -22,7 +22,7 @@ struct EncoderReading {
   bool was_lost = false;  ///< differences to earlier readings mean nothing
 };
 
-/// CiA 406: position 6004h as the first four bytes of TPDO1.
+/// CiA 406: position 6004h as the first four bytes of TPDO1; or a position in a plain frame.
 class EncoderSensor final : private canopen::NodeActions {
  public:
   class Listener {
@@ -51,7 +51,8 @@ class EncoderSensor final : private canopen::NodeActions {
   canopen::Node node_;
 };
 
-/// CiA 410: slopes long16 and lateral16 as the first four bytes of TPDO1, in units of object 6000h.
+/// CiA 410: slopes long16 and lateral16 as the first four bytes of TPDO1, in units of object 6000h; or two angles in a
+/// plain frame.
 class TiltSensor final : private canopen::NodeActions {
  public:
   TiltSensor(const TiltConfig& config, const Calibration& calibration, FrontEndSink& sink);

@@ -40,14 +40,21 @@ Duration shortest_frame_time(const CanFrame& frame, int bitrate) {
 
 std::vector<std::uint32_t> wanted_identifiers(const HalConfig& config) {
   std::vector<std::uint32_t> identifiers;
-  const auto add = [&identifiers](bool is_enabled, int node_id) {
-    if (!is_enabled) { return; }
-    for (const std::uint32_t base : kBases) { identifiers.push_back(base + static_cast<std::uint32_t>(node_id)); }
+  const auto add = [&identifiers](const auto& sensor) {
+    if (!is_on_can(sensor)) { return; }
+    if (sensor.signal.id != 0) {
+      const std::uint32_t flag = sensor.signal.extended ? kExtendedFlag : 0U;
+      identifiers.push_back(static_cast<std::uint32_t>(sensor.signal.id) | flag);
+      return;
+    }
+    for (const std::uint32_t base : kBases) {
+      identifiers.push_back(base + static_cast<std::uint32_t>(sensor.node_id));
+    }
   };
-  add(config.wheel_left.enabled, config.wheel_left.node_id);
-  add(config.wheel_right.enabled, config.wheel_right.node_id);
-  add(is_on_can(config.turret), config.turret.node_id);
-  add(config.tilt.enabled, config.tilt.node_id);
+  add(config.wheel_left);
+  add(config.wheel_right);
+  add(config.turret);
+  add(config.tilt);
   return identifiers;
 }
 

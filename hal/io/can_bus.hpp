@@ -25,8 +25,9 @@ namespace rosid::hal {
 /// Time a frame needs on the bus at least: no two frames can have arrived closer together.
 Duration shortest_frame_time(const CanFrame& frame, int bitrate);
 
-/// Identifiers the configured sensors may use, for the kernel's filter: process data 1 to 4, emergency, SDO answer,
-/// heartbeat. Process data that a node sends elsewhere are heard on an slcan link only.
+/// Identifiers the configured sensors may use, for the kernel's filter, with kExtendedFlag where they have 29 bits: a
+/// plain frame's own; of a CANopen node process data 1 to 4, emergency, SDO answer, heartbeat. Process data that a node
+/// sends elsewhere are heard on an slcan link only.
 std::vector<std::uint32_t> wanted_identifiers(const HalConfig& config);
 
 /// I/O thread only.

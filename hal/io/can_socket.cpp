@@ -85,7 +85,11 @@ Result<CanSocket> CanSocket::open(const std::string& interface, std::span<const 
         fmt::format("there is no network interface {}; plug the adapter in or correct can.device", interface));
   }
   std::vector<can_filter> filters;
-  for (const std::uint32_t id : identifiers) { filters.push_back({id, CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG}); }
+  static_assert(kExtendedFlag == CAN_EFF_FLAG);
+  for (const std::uint32_t id : identifiers) {
+    const canid_t bits = (id & CAN_EFF_FLAG) != 0U ? CAN_EFF_MASK : CAN_SFF_MASK;
+    filters.push_back({id, bits | CAN_EFF_FLAG | CAN_RTR_FLAG});
+  }
   const auto filter_bytes = static_cast<socklen_t>(filters.size() * sizeof(can_filter));
   if (::setsockopt(fd.get(), SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(), filter_bytes) != 0) {
     return make_error(ErrorCode::Io,

@@ -17,6 +17,9 @@ namespace rosid::hal {
 timespec wall_now();
 using WallClock = timespec (*)();
 
+/// Marks an identifier of 29 bits among others, as the kernel does.
+inline constexpr std::uint32_t kExtendedFlag = 0x80000000U;
+
 /// Non-blocking. One thread.
 class CanSocket {
  public:
@@ -27,8 +30,8 @@ class CanSocket {
     Duration age{};  ///< since the kernel took the frame; 0 when it did not say
   };
 
-  /// Receives the given 11-bit identifiers and error frames only. Errors: Unsupported (no CAN in this kernel), NotFound
-  /// (no such interface), Io.
+  /// Receives the given identifiers (of 29 bits when they carry kExtendedFlag) and error frames only. Errors:
+  /// Unsupported (no CAN in this kernel), NotFound (no such interface), Io.
   static Result<CanSocket> open(const std::string& interface, std::span<const std::uint32_t> identifiers);
   /// Takes over a socket that carries struct can_frame, for example one end of a socket pair.
   /// `wall` must run as the clock of the kernel's stamps does.

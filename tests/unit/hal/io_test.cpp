@@ -161,6 +161,10 @@ TEST(CanBusTest, FrameTimesAndIdentifiers) {
   config.turret.enabled = false;
   EXPECT_EQ(wanted_identifiers(config).size(), 3U * 7U);
   EXPECT_THAT(wanted_identifiers(config), testing::IsSupersetOf({0x181U, 0x182U, 0x18AU, 0x08AU, 0x58AU, 0x70AU}));
+  config.tilt.signal = {.id = 0x18FF0203, .extended = true};
+  config.wheel_left.signal.id = 0x120;
+  EXPECT_EQ(wanted_identifiers(config).size(), 2U + 7U);
+  EXPECT_THAT(wanted_identifiers(config), testing::IsSupersetOf({0x98FF0203U, 0x120U, 0x182U}));
 }
 
 class CountingHandler final : public EventHandler {
