@@ -15,6 +15,8 @@ constexpr Duration kNakPause = milliseconds(40);  // the device wants at least 3
 // At the worst line that is still listened to one scan in five keeps a head that can be recognised.
 constexpr Duration kDamagedLimit = milliseconds(2000);
 constexpr int kMostBaudFailures = 2;
+// One command the device may not know; two in a row, and it is not there any more.
+constexpr int kMostUnanswered = 2;
 // Wear of the EEPROM: a device that forgets its configuration at every start must not be written for ever.
 constexpr std::uint64_t kMostConfigWrites = 5;
 constexpr std::size_t kNonsenseBytes = 64;
@@ -102,6 +104,7 @@ void Session::enter(Time now, Phase phase) {
 void Session::on_telegram(Time now, const Telegram& telegram) {
   if (phase_ == Phase::Closed) { return; }
   has_sign_of_life_ = true;
+  unanswered_ = 0;
   const std::uint8_t code = telegram.command();
   if (code == command::kPowerOn || code == command::kResetConfirmed) {
     on_device_restart(now);
@@ -275,6 +278,7 @@ void Session::on_nak(Time now) {
   if (!is_command_phase()) { return; }
   ++counters_.naks;
   has_sign_of_life_ = true;
+  unanswered_ = 0;
   was_nak_ = true;
   deadline_ = std::min(deadline_, now + kNakPause);
 }
@@ -306,6 +310,12 @@ void Session::on_deadline(Time now) {
     return;
   }
   ++counters_.timeouts;
+  ++unanswered_;
+  const bool is_search = phase_ == Phase::StopStream || phase_ == Phase::ProveBaud;
+  if (!is_search && unanswered_ >= kMostUnanswered) {
+    back_off(now, DeviceState::Silent, "no answer while configuring");
+    return;
+  }
   on_command_failed(now);
 }
 

@@ -130,6 +130,7 @@ class Session {
   const char* advice_ = nullptr;  // why the last attempt failed, until one succeeds
   Time deadline_ = Time::max();
   int tries_ = 0;
+  int unanswered_ = 0;    // commands in a row that nothing at all came back for
   bool was_nak_ = false;  // the last try was answered by NAK
   int baud_ = 0;
 

@@ -266,6 +266,18 @@ TEST(LaserFaults, UnpluggedAtAnyMomentItStartsAnewAndUsesNoHalfScan) {
   }
 }
 
+// Somebody sets it to another rate while it is being set up: only silence tells.
+TEST(LaserFaults, ADeviceThatIsGoneWhileItIsSetUpIsFoundAgainWithinHalfAMinute) {
+  for (int k = 0; k < 30; ++k) {
+    LaserRig rig;
+    rig.run(0.051 * k);
+    rig.device.baud = 19200;
+    rig.device.is_streaming = false;
+    EXPECT_LT(rig.time_to_line(60.0), 30.0) << k << ": " << rig.laser.detail();
+    EXPECT_GE(rig.session().timeouts, 1U);
+  }
+}
+
 TEST(LaserFaults, ASlowStreamIsARunningOneWithLosses) {
   LaserRig rig;
   bring_up(rig);
