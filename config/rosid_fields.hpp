@@ -17,7 +17,11 @@ namespace rosid::config {
 template <typename Visitor>
 void visit_fields(Visitor& v, hal::LaserConfig& c) {
   v.boolean("enabled", c.enabled);
+  v.choice("link", c.link, {{"tty", hal::LaserLinkKind::Tty}, {"usb", hal::LaserLinkKind::Usb}});
   v.text("device", c.device);
+  v.text("usb_serial", c.usb_serial);
+  v.text("usb_ids", c.usb_ids);
+  v.integer("usb_channel", c.usb_channel);
   v.integer("baud", c.baud);
   v.choice("mode", c.mode, {{"partial", hal::LaserMode::Partial}, {"complete", hal::LaserMode::Complete}});
   v.integer("opening_deg", c.opening_deg);

@@ -16,7 +16,7 @@
 #include "config/loader.hpp"
 #include "daemon/app.hpp"
 #include "daemon/version.hpp"
-#include "hal/io/edge_source.hpp"
+#include "hal/io/support.hpp"
 
 namespace {
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <initializer_list>
 #include <string>
@@ -24,9 +25,24 @@ void check_node_id(Problems& problems, const std::string& key, int node_id) {
   if (node_id < 1 || node_id > 127) { problems.push_back(key + ".node_id must be a CANopen node number, 1 to 127"); }
 }
 
+void check_usb(Problems& problems, const LaserConfig& laser) {
+  const auto ids = parse_usb_ids(laser.usb_ids);
+  if (!ids || ids->empty()) {
+    problems.emplace_back("laser.usb_ids must be pairs of hexadecimal numbers with spaces between them: 0403:6001");
+  }
+  constexpr int kMostChannels = 4;
+  if (laser.usb_channel < 1 || laser.usb_channel > kMostChannels) {
+    problems.emplace_back("laser.usb_channel must lie between 1 and 4");
+  }
+}
+
 void check_laser(Problems& problems, const LaserConfig& laser) {
   constexpr std::array kRates{9600, 19200, 38400, 500000};
-  if (laser.device.empty()) { problems.emplace_back("laser.device must name the serial port of the laser"); }
+  if (laser.link == LaserLinkKind::Usb) {
+    check_usb(problems, laser);
+  } else if (laser.device.empty()) {
+    problems.emplace_back("laser.device must name the serial port of the laser");
+  }
   if (std::find(kRates.begin(), kRates.end(), laser.baud) == kRates.end()) {
     problems.emplace_back("laser.baud must be 9600, 19200, 38400 or 500000");
   }
@@ -125,6 +141,27 @@ void check_distinct_nodes(Problems& problems, const HalConfig& config) {
 
 bool is_line_offset(const std::string& line) {
   return !line.empty() && std::all_of(line.begin(), line.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
+std::optional<std::vector<UsbId>> parse_usb_ids(std::string_view text) {
+  constexpr std::size_t kDigits = 4;
+  constexpr int kHexadecimal = 16;
+  std::vector<UsbId> ids;
+  while (true) {
+    text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
+    if (text.empty()) { return ids; }
+    const std::string_view word = text.substr(0, text.find(' '));
+    text.remove_prefix(word.size());
+    if (word.size() != (2 * kDigits) + 1 || word[kDigits] != ':') { return std::nullopt; }
+    UsbId id;
+    const char* const middle = word.data() + kDigits;
+    const char* const end = word.data() + word.size();
+    if (std::from_chars(word.data(), middle, id.vendor, kHexadecimal).ptr != middle ||
+        std::from_chars(middle + 1, end, id.product, kHexadecimal).ptr != end || word.find('-') != word.npos) {
+      return std::nullopt;
+    }
+    ids.push_back(id);
+  }
 }
 
 std::vector<std::string> validate(const HalConfig& config) {

@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace rosid::hal {
@@ -13,10 +15,20 @@ enum class LaserMode : std::uint8_t {
   Complete,  ///< 0x24: complete scans of the variant
 };
 
+enum class LaserLinkKind : std::uint8_t {
+  Tty,  ///< a serial port of the kernel
+  Usb,  ///< an FTDI adapter by libusb, past the kernel's driver
+};
+
 struct LaserConfig {
   bool enabled = true;
-  std::string device = "/dev/rosid-laser";
-  int baud = 500000;  ///< 9600, 19200, 38400 or 500000
+  LaserLinkKind link = LaserLinkKind::Tty;
+  std::string device = "/dev/rosid-laser";  ///< of the kernel's serial port
+  std::string usb_serial{};                 ///< serial number of the adapter; empty: the first there is
+  /// vendor:product of the adapters looked at
+  std::string usb_ids = "0403:6001 0403:6010 0403:6011 0403:6014 0403:6015";
+  int usb_channel = 1;  ///< of a chip with several serial lines
+  int baud = 500000;    ///< 9600, 19200, 38400 or 500000
   LaserMode mode = LaserMode::Partial;
   int opening_deg = 180;        ///< variant for Complete: 100 or 180
   double resolution_deg = 1.0;  ///< variant for Complete: 1, 0.5 or 0.25 (0.25 only with 100)
@@ -101,6 +113,13 @@ struct HalConfig {
   GpioConfig gpio;
   TiltConfig tilt;
 };
+
+struct UsbId {
+  int vendor = 0;
+  int product = 0;
+};
+/// Pairs of hexadecimal numbers with spaces between them; none when there is something else in the text.
+std::optional<std::vector<UsbId>> parse_usb_ids(std::string_view text);
 
 /// Every rule the values break, one sentence each, named by key; empty when usable.
 std::vector<std::string> validate(const HalConfig& config);

@@ -37,8 +37,4 @@ class EdgeSource {
 /// is not unique, lines of different chips), Unsupported (built without libgpiod), Io.
 Result<std::unique_ptr<EdgeSource>> open_gpio_lines(const GpioConfig& config);
 
-/// What the configuration asks for and this build cannot do, one sentence each, named by key; empty when all is well.
-/// Not part of validate(): a log can be replayed without the hardware's libraries.
-std::vector<std::string> missing_support(const HalConfig& config);
-
 }  // namespace rosid::hal

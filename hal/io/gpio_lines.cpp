@@ -17,6 +17,7 @@
 
 #include "hal/io/edge_source.hpp"
 #include "hal/io/errno_text.hpp"
+#include "hal/io/support.hpp"
 
 namespace rosid::hal {
 
@@ -255,8 +256,8 @@ Result<std::unique_ptr<EdgeSource>> open_gpio_lines(const GpioConfig& config) {
   return std::make_unique<GpioLines>(std::move(*request), std::move(buffer), std::move(found->offsets));
 }
 
-std::vector<std::string> missing_support(const HalConfig& /*config*/) {
-  return {};
+bool has_gpio_support() {
+  return true;
 }
 
 }  // namespace rosid::hal

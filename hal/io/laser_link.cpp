@@ -1,7 +1,6 @@
 #include "hal/io/laser_link.hpp"
 
 #include <fmt/format.h>
-#include <sys/epoll.h>
 
 #include <algorithm>
 #include <utility>
@@ -11,80 +10,89 @@
 namespace rosid::hal {
 
 namespace {
+
 // A driver that never reports an empty queue must not stop the search for the baud rate.
 constexpr Duration kDrainLimit = std::chrono::milliseconds(300);
 constexpr Duration kUartFifo = std::chrono::milliseconds(1);
-constexpr int kMostReads = 8;
+
+ByteLine::Counters sum(const ByteLine::Counters& a, const ByteLine::Counters& b) {
+  return {.overruns = a.overruns + b.overruns,
+          .parity_errors = a.parity_errors + b.parity_errors,
+          .framing_errors = a.framing_errors + b.framing_errors,
+          .breaks = a.breaks + b.breaks,
+          .stalls = a.stalls + b.stalls,
+          .transfer_errors = a.transfer_errors + b.transfer_errors};
+}
+
 }  // namespace
 
 LaserLink::LaserLink(const LaserConfig& config, EventLoop& loop, LinkTap& tap, ClockFunction clock)
-    : config_(config), loop_(loop), tap_(tap), clock_(clock) {}
-
-LaserLink::~LaserLink() {
-  if (port_) { loop_.unwatch(port_->fd()); }
+    : config_(config), tap_(tap), clock_(clock) {
+  if (!config.enabled) { return; }
+  ByteLineOwner& owner = *this;
+  opener_ = config.link == LaserLinkKind::Usb ? make_usb_opener(config, loop, owner, clock)
+                                              : make_tty_opener(config, loop, owner, clock);
 }
 
+LaserLink::~LaserLink() = default;
+
 void LaserLink::step() {
-  if (!config_.enabled || front_end_ == nullptr) { return; }
+  if (!opener_ || front_end_ == nullptr) { return; }
+  opener_->step();
   const Time now = clock_();
-  if (!port_ && reopen_.is_due(now)) { try_open(now); }
-  if (port_) { pump(now); }
+  if (!line_ && reopen_.is_due(now)) { try_open(now); }
+  pump(now);
 }
 
 void LaserLink::try_open(Time now) {
-  auto opened = SerialPort::open(config_.device, config_.baud);
-  if (opened) {
-    if (auto watched = loop_.watch(opened->fd(), EPOLLIN, *this); !watched) {
-      opened = tl::make_unexpected(watched.error());
-    }
-  }
+  auto opened = opener_->open();
   if (!opened) {
-    ++counters_.open_failures;
-    last_error_ = opened.error().message;
-    reopen_.on_failure(now);
+    on_open_failure(now, std::move(opened.error().message));
     return;
   }
-  ++counters_.opened;
-  port_.emplace(std::move(*opened));
-  head_ = 0;
-  count_ = 0;
-  t_line_free_ = now;
-  last_error_.clear();
-  tap_.on_laser_link(now, true);
-  front_end_->on_laser_link(now, true);
+  line_ = std::move(*opened);
+  if (line_->is_open()) { on_line_open(now); }
 }
 
-void LaserLink::close(Time now, std::string why) {
-  if (port_) { loop_.unwatch(port_->fd()); }
-  port_.reset();
-  count_ = 0;
+void LaserLink::on_open_failure(Time now, std::string why) {
+  ++counters_.open_failures;
   last_error_ = std::move(why);
   reopen_.on_failure(now);
-  tap_.on_laser_link(now, false);
-  front_end_->on_laser_link(now, false);
 }
 
-void LaserLink::on_event(std::uint32_t events) {
-  for (int k = 0; k < kMostReads && port_; ++k) {
-    const IoResult got = port_->read(buffer_);
-    const Time now = clock_();
-    if (got.status == IoStatus::Done) {
-      reopen_.on_success();
-      const auto bytes = std::span<const std::uint8_t>(buffer_).first(got.size);
-      tap_.on_laser_received(now, bytes);
-      front_end_->on_laser_bytes(now, bytes);
-      continue;
-    }
-    if (got.status != IoStatus::WouldBlock) {
-      close(now, got.error == 0 ? fmt::format("{} was unplugged or closed", config_.device)
-                                : fmt::format("{} was lost: {}", config_.device, errno_text(got.error)));
-    }
-    break;
+void LaserLink::on_line_open(Time t) {
+  ++counters_.opened;
+  head_ = 0;
+  count_ = 0;
+  t_line_free_ = t;
+  last_error_.clear();
+  tap_.on_laser_link(t, true);
+  front_end_->on_laser_link(t, true);
+}
+
+void LaserLink::on_line_bytes(Time t, std::span<const std::uint8_t> bytes) {
+  reopen_.on_success();
+  tap_.on_laser_received(t, bytes);
+  front_end_->on_laser_bytes(t, bytes);
+}
+
+void LaserLink::on_line_lost(Time t, std::string why) {
+  const bool was_open = line_->is_open();
+  past_lines_ = line_counters();
+  line_.reset();
+  if (!was_open) {
+    on_open_failure(t, std::move(why));
+    return;
   }
-  if (port_ && (events & (EPOLLHUP | EPOLLERR)) != 0U) {
-    close(clock_(), fmt::format("{} was unplugged or closed", config_.device));
-  }
-  if (port_) { pump(clock_()); }
+  count_ = 0;
+  last_error_ = std::move(why);
+  reopen_.on_failure(t);
+  tap_.on_laser_link(t, false);
+  front_end_->on_laser_link(t, false);
+}
+
+ByteLine::Counters LaserLink::line_counters() const {
+  return line_ ? sum(past_lines_, line_->counters()) : past_lines_;
 }
 
 void LaserLink::write(std::span<const std::uint8_t> bytes) {
@@ -105,7 +113,7 @@ void LaserLink::set_baud(int baud) {
 }
 
 LaserLink::Command* LaserLink::push() {
-  if (!port_) { return nullptr; }
+  if (!is_open()) { return nullptr; }
   if (count_ == queue_.size()) {
     ++counters_.dropped_commands;
     return nullptr;
@@ -119,37 +127,37 @@ void LaserLink::pop() {
 }
 
 void LaserLink::pump(Time now) {
-  while (port_ && count_ > 0) {
+  while (is_open() && count_ > 0) {
     Command& command = queue_[head_];
-    const bool is_done = command.baud == 0 ? pump_bytes(now, *port_, command) : pump_baud(now, *port_, command.baud);
+    const bool is_done = command.baud == 0 ? pump_bytes(now, command) : pump_baud(now, command.baud);
     if (!is_done) { return; }
     pop();
   }
 }
 
-bool LaserLink::pump_bytes(Time now, SerialPort& port, Command& command) {
+bool LaserLink::pump_bytes(Time now, Command& command) {
   const auto rest = std::span<const std::uint8_t>(command.bytes).first(command.size).subspan(command.sent);
-  const IoResult put = port.write(rest);
+  const IoResult put = line_->write(rest);
   if (put.status == IoStatus::Closed || put.status == IoStatus::Failed) {
-    close(now, fmt::format("{} cannot be written: {}", config_.device, errno_text(put.error)));
+    on_line_lost(now, fmt::format("{} cannot be written: {}", line_->name(), errno_text(put.error)));
     return false;
   }
   if (put.size > 0) {
     tap_.on_laser_sent(now, rest.first(put.size));
     constexpr std::int64_t kBitsPerByte = 10;
     const auto bits = static_cast<std::int64_t>(put.size) * kBitsPerByte;
-    t_line_free_ = std::max(t_line_free_, now) + Duration{bits * 1'000'000'000 / std::max(port.baud(), 1)};
+    t_line_free_ = std::max(t_line_free_, now) + Duration{bits * 1'000'000'000 / std::max(line_->baud(), 1)};
     command.sent += put.size;
   }
   return command.sent == command.size;
 }
 
-bool LaserLink::pump_baud(Time now, SerialPort& port, int baud) {
-  const bool is_drained = port.unsent() == 0 && now >= t_line_free_ + kUartFifo;
+bool LaserLink::pump_baud(Time now, int baud) {
+  const bool is_drained = line_->is_drained(now) && now >= t_line_free_ + kUartFifo;
   if (!is_drained && now < t_line_free_ + kDrainLimit) { return false; }
-  if (auto changed = port.set_baud(baud); !changed) {
+  if (auto changed = line_->set_baud(baud); !changed) {
     // The session notices by itself that nothing can be understood at this rate, and goes on to the next one.
-    last_error_ = fmt::format("{}: {}", config_.device, changed.error().message);
+    last_error_ = fmt::format("{}: {}", line_->name(), changed.error().message);
     return true;
   }
   tap_.on_laser_baud(now, baud);

@@ -16,6 +16,8 @@ class ReopenTimer {
     t_next_ = now + pause_;
     pause_ = std::min(2 * pause_, kPauseMax);
   }
+  /// The device was plugged in.
+  void on_arrival() { t_next_ = Time::min(); }
   void on_success() { pause_ = kPauseMin; }
 
  private:

@@ -11,12 +11,6 @@
 
 namespace rosid::hal {
 
-struct IoResult {
-  IoStatus status = IoStatus::WouldBlock;
-  std::size_t size = 0;  ///< bytes moved
-  int error = 0;         ///< errno of Closed and Failed, 0 for an end of file
-};
-
 /// Non-blocking, 8N1 without flow control, exclusive (TIOCEXCL and an advisory lock), low latency where the driver has
 /// that. The baud rate is set as a number (termios2), so 500000 needs no custom divisor; a divisor somebody left behind
 /// is cleared. One thread.

@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 
@@ -40,6 +41,12 @@ enum class IoStatus : std::uint8_t {
   WouldBlock,  ///< nothing there, or no room
   Closed,      ///< the other end or the device is gone
   Failed,      ///< the operating system refused for another reason
+};
+
+struct IoResult {
+  IoStatus status = IoStatus::WouldBlock;
+  std::size_t size = 0;  ///< bytes moved
+  int error = 0;         ///< errno of Closed and Failed, 0 for an end of file
 };
 
 }  // namespace rosid::hal

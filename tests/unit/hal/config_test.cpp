@@ -58,5 +58,22 @@ TEST(HalConfig, ATurretOnGpioNeedsLinesNotANode) {
   EXPECT_THAT(validate(config), IsEmpty());
 }
 
+TEST(HalConfig, ALaserOnUsbNeedsIdsNotADevice) {
+  HalConfig config;
+  config.laser.device = "";
+  config.laser.link = LaserLinkKind::Usb;
+  EXPECT_THAT(validate(config), IsEmpty());
+  config.laser.usb_channel = 5;
+  for (const char* ids : {"", " ", "0403", "403:6001", "0403:600g", "0403:6001,0403:6010", "-403:6001", "0403-6001"}) {
+    config.laser.usb_ids = ids;
+    EXPECT_THAT(validate(config), ElementsAre(HasSubstr("laser.usb_ids"), HasSubstr("laser.usb_channel"))) << ids;
+  }
+  const auto ids = parse_usb_ids(" 0403:6001  ABcd:0002 ");
+  ASSERT_TRUE(ids);
+  ASSERT_EQ(ids->size(), 2U);
+  EXPECT_EQ(ids->at(1).vendor, 0xABCD);
+  EXPECT_EQ(ids->at(1).product, 2);
+}
+
 }  // namespace
 }  // namespace rosid::hal
