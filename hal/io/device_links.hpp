@@ -52,7 +52,7 @@ class DeviceLinks {
   void write_can(const CanFrame& frame) { can_.write(frame); }
 
   /// Adds what the links know beyond the front end: the state "faulty" of an adapter that talks nonsense, its format
-  /// errors, and the frames the kernel had to drop.
+  /// errors, and what the kernel or an adapter had to drop.
   void add_link_health(DeviceHealthTable& table) const;
   /// As FrontEnd::detail(), with the links' own findings.
   const char* detail(Device device) const;

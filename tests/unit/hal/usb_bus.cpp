@@ -13,8 +13,6 @@
 #include <cstring>
 #include <span>
 
-#include "hal/io/device_links.hpp"
-
 namespace rosid::hal::test {
 
 namespace {
@@ -252,7 +250,7 @@ void UsbAdapterModel::send(usbdevfs_urb& urb) {
     return;
   }
   const std::span bytes(static_cast<const std::uint8_t*>(urb.buffer), static_cast<std::size_t>(urb.buffer_length));
-  laser.receive(monotonic_now(), bytes, baud());
+  laser.receive(clock(), bytes, baud());
   finish(urb, 0, urb.buffer_length);
 }
 
@@ -316,7 +314,7 @@ void UsbAdapterModel::fill(usbdevfs_urb& urb, bool with_data) {
 }
 
 void UsbAdapterModel::live() {
-  const Time now = monotonic_now();
+  const Time now = clock();
   constexpr std::size_t kFifo = 256;
   for (const std::uint8_t byte : laser.transmit(now, baud())) {
     if (fifo_.size() < kFifo || listening() > 0) {
@@ -332,7 +330,8 @@ void UsbAdapterModel::live() {
     return;
   }
   const auto latency = std::chrono::milliseconds(told.contains(9) ? told.at(9) : 16);
-  while (listening() > 0 && (!fifo_.empty() || now - t_last_packet_ >= latency)) {
+  const auto full = static_cast<std::size_t>(kind_.packet_size - 2);
+  while (listening() > 0 && (fifo_.size() >= full || now - t_last_packet_ >= latency)) {
     const auto urb =
         std::find_if(pending_.begin(), pending_.end(), [](const auto* u) { return (u->endpoint & 0x80U) != 0; });
     t_last_packet_ = now;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "hal/io/device_links.hpp"
 #include "hal/io/unique_fd.hpp"
 #include "tests/unit/hal/fake_lms.hpp"
 
@@ -80,6 +81,7 @@ class UsbAdapterModel {
   std::size_t listening() const;
   std::string node() const;
 
+  ClockFunction clock = monotonic_now;
   FakeLms laser;
   std::vector<Request> requests;
   std::map<std::uint8_t, unsigned> told;  ///< last value of each request

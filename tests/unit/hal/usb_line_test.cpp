@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,6 +21,12 @@ using test::UsbAdapterModel;
 using test::UsbBus;
 using testing::HasSubstr;
 using Request = UsbAdapterModel::Request;
+
+/// The session's time-outs are seconds; with this they pass in a sixth of the time.
+Time fast_now() {
+  constexpr int kFactor = 6;
+  return time_from_ns(kFactor * to_ns(monotonic_now()));
+}
 
 HalConfig usb_laser() {
   HalConfig config;
@@ -70,6 +77,330 @@ TEST_F(UsbLaser, IsBroughtUpThroughABaudChangeAndGivenBack) {
   EXPECT_EQ(adapter.claimed, -1);
   EXPECT_TRUE(adapter.has_kernel_driver);
   EXPECT_EQ(adapter.transfers_under_way(), 0U);
+}
+
+// The clock stands still, so nothing is tried again by time: what opens it is the news that it was plugged in.
+TEST_F(UsbLaser, AnAbsentAdapterIsNamedAndTakenWhenItIsPluggedIn) {
+  static constexpr auto kStill = [] { return time_from_s(100.0); };
+  Host host(usb_laser(), kStill);
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+  EXPECT_EQ(host.state(Device::Laser), DeviceState::Absent);
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("0403:6001"));
+  EXPECT_FALSE(until(host, 0.05, [&] { return host.links->laser().counters().open_failures > 1; }));
+  adapter.plug();
+  EXPECT_TRUE(until(host, 5.0, [&] { return host.links->laser().is_open(); }));
+  EXPECT_EQ(host.links->last_error(Device::Laser), "");
+}
+
+TEST_F(UsbLaser, AnotherDeviceThatIsPluggedInIsNoReasonToTry) {
+  static constexpr auto kStill = [] { return time_from_s(100.0); };
+  UsbAdapterModel mouse(bus, {.port = "1-3", .vendor = 0x046D, .product = 0xC077});
+  UsbAdapterModel last(bus, {.port = "1-4"});
+  Host host(usb_laser(), kStill);
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+  mouse.plug();
+  last.plug();
+  EXPECT_TRUE(until(host, 5.0, [&] { return host.links->laser().is_open(); }));
+  EXPECT_EQ(host.links->laser().counters().open_failures, 1U);
+  EXPECT_EQ(mouse.opens, 0);
+}
+
+TEST_F(UsbLaser, UnpluggedInTheMiddleOfAScanItIsTakenAgainUnderItsNewNumber) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 5));
+  const std::string first = adapter.node();
+  adapter.unplug();
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.state(Device::Laser) == DeviceState::Absent; }));
+  EXPECT_FALSE(adapter.is_opened());
+  EXPECT_EQ(adapter.transfers_under_way(), 0U);
+  EXPECT_NE(host.links->last_error(Device::Laser), "");
+  adapter.plug();
+  EXPECT_NE(adapter.node(), first);
+  EXPECT_TRUE(lines(host, 5, 8.0));
+  EXPECT_EQ(host.links->laser().counters().opened, 2U);
+  ASSERT_EQ(host.tap.laser_links.size(), 3U);
+  EXPECT_FALSE(host.tap.laser_links[1].is_open);
+}
+
+TEST_F(UsbLaser, UnpluggedDuringTheSetUpItIsTakenAgain) {
+  adapter.laser.baud = 500000;
+  adapter.is_deaf = true;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(until(host, 2.0, [&] { return adapter.requests.size() == 1; }));
+  adapter.unplug();
+  EXPECT_TRUE(until(host, 2.0, [&] { return !adapter.is_opened(); }));
+  EXPECT_TRUE(host.tap.laser_links.empty());  // it never was open
+  adapter.is_deaf = false;
+  adapter.plug();
+  EXPECT_TRUE(lines(host, 5));
+}
+
+TEST_F(UsbLaser, TheAdapterIsChosenByItsSerialNumber) {
+  UsbAdapterModel other(bus, {.port = "1-1", .serial = "CAN00001"});
+  other.plug();
+  adapter.plug();
+  HalConfig config = usb_laser();
+  config.laser.usb_serial = "LASER003";
+  {
+    Host host(config);
+    EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("LASER003"));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("1-1 (serial number CAN00001)"));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("1-2 (serial number A6008isP)"));
+  }
+  config.laser.usb_serial = "A6008isP";
+  {
+    Host host(config);
+    EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().is_open(); }));
+    EXPECT_EQ(adapter.opens, 1);
+    EXPECT_EQ(other.opens, 0);
+  }
+  config.laser.usb_serial = "";
+  Host host(config);
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().is_open(); }));
+  EXPECT_EQ(other.opens, 1);
+}
+
+TEST_F(UsbLaser, AForbiddenAdapterIsNamedWithTheRuleAndTakenWhenItMay) {
+  adapter.laser.baud = 500000;
+  adapter.open_errno = EACCES;
+  adapter.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures >= 1; }));
+  EXPECT_EQ(host.state(Device::Laser), DeviceState::Absent);
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("A6008isP"));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("60-rosid.rules"));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("plugdev"));
+  adapter.open_errno = EPERM;  // what a service gets whose unit does not name the class of device
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures >= 2; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("DeviceAllow=char-usb_device"));
+  adapter.open_errno = 0;
+  EXPECT_TRUE(lines(host, 5, 5.0));
+}
+
+TEST_F(UsbLaser, AnAdapterHeldByAnotherProgramIsNamedAndTakenWhenFree) {
+  adapter.laser.baud = 500000;
+  adapter.claim_errno = EBUSY;
+  adapter.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures >= 1; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("held by another program"));
+  EXPECT_FALSE(adapter.is_opened());
+  adapter.claim_errno = 0;
+  EXPECT_TRUE(lines(host, 5, 5.0));
+}
+
+TEST_F(UsbLaser, AHaltedEndpointIsFreedAndTheStreamGoesOn) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 5));
+  for (std::uint64_t stalls = 1; stalls <= 3; ++stalls) {
+    adapter.is_in_halted = true;
+    EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().line_counters().stalls == stalls; }));
+    EXPECT_TRUE(lines(host, 5, 2.0));
+  }
+  EXPECT_EQ(adapter.halts_cleared, 3);
+  EXPECT_EQ(host.links->laser().counters().opened, 1U);
+  EXPECT_EQ(host.links->laser().line_counters().transfer_errors, 0U);
+}
+
+TEST_F(UsbLaser, AHaltedTransmitterIsFreedAndTheSessionSendsAgain) {
+  adapter.laser.baud = 500000;
+  adapter.is_out_halted = true;
+  adapter.plug();
+  adapter.clock = fast_now;
+  Host host(usb_laser(), fast_now);
+  EXPECT_TRUE(lines(host, 5)) << host.front_end.detail(Device::Laser);
+  EXPECT_EQ(adapter.halts_cleared, 1);
+  EXPECT_EQ(host.links->laser().line_counters().stalls, 1U);
+  EXPECT_EQ(host.links->laser().counters().opened, 1U);
+}
+
+TEST_F(UsbLaser, OverrunsOfTheChipAreCountedAndShownAsLosses) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 5));
+  adapter.line_status = 0x02;
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().line_counters().overruns == 1; }));
+  DeviceHealthTable table = host.front_end.health();
+  const std::uint64_t before = table[static_cast<std::size_t>(Device::Laser)].lost;
+  host.links->add_link_health(table);
+  EXPECT_EQ(table[static_cast<std::size_t>(Device::Laser)].lost, before + 1);
+}
+
+TEST_F(UsbLaser, AThreadThatIsKeptFromRunningForTwentyMillisecondsLosesNothing) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 20));
+  const std::uint64_t lost = host.front_end.health()[static_cast<std::size_t>(Device::Laser)].lost;
+  const Time end = monotonic_now() + std::chrono::milliseconds(20);
+  while (monotonic_now() < end) { adapter.live(); }
+  EXPECT_TRUE(lines(host, 20, 2.0));
+  EXPECT_EQ(host.links->laser().line_counters().overruns, 0U);
+  EXPECT_EQ(host.front_end.health()[static_cast<std::size_t>(Device::Laser)].lost, lost);
+}
+
+// Nobody reads for longer than the queued transfers and the chip's buffer last.
+TEST_F(UsbLaser, AThreadThatIsKeptFromRunningLosesBytesNotTheStream) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 5));
+  const Time end = monotonic_now() + std::chrono::milliseconds(200);
+  while (monotonic_now() < end) { adapter.live(); }
+  EXPECT_TRUE(lines(host, 20, 2.0));
+  EXPECT_GT(host.links->laser().line_counters().overruns, 0U);
+  EXPECT_EQ(host.links->laser().counters().opened, 1U);
+}
+
+TEST_F(UsbLaser, TransfersThatFailForEverAreALossAndOver) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 5));
+  adapter.in_error = EPROTO;
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.state(Device::Laser) == DeviceState::Absent; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("transfers failed"));
+  EXPECT_GE(host.links->laser().line_counters().transfer_errors, 16U);
+  adapter.in_error = 0;
+  EXPECT_TRUE(lines(host, 5, 5.0));
+  EXPECT_EQ(host.links->laser().counters().opened, 2U);
+}
+
+TEST_F(UsbLaser, AChipThatDoesNotAnswerTheSetUpIsNamedAndTriedAgain) {
+  adapter.laser.baud = 500000;
+  adapter.is_deaf = true;
+  adapter.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(until(host, 4.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("does not answer request 0"));
+  EXPECT_FALSE(adapter.is_opened());
+  EXPECT_TRUE(host.tap.laser_links.empty());
+  adapter.is_deaf = false;
+  EXPECT_TRUE(lines(host, 5, 5.0));
+}
+
+TEST_F(UsbLaser, ARequestThatIsRefusedIsNamed) {
+  adapter.refused_request = 4;
+  adapter.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(until(host, 4.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("refuses request 4"));
+}
+
+TEST_F(UsbLaser, BytesThatAreNeverTakenAreGivenUpAndTheSessionGoesOn) {
+  adapter.laser.baud = 500000;
+  adapter.is_out_stuck = true;
+  adapter.plug();
+  adapter.clock = fast_now;
+  Host host(usb_laser(), fast_now);
+  EXPECT_TRUE(until(host, 5.0, [&] { return host.links->laser().line_counters().transfer_errors >= 1; }));
+  EXPECT_EQ(host.links->laser().counters().dropped_commands, 0U);
+  adapter.is_out_stuck = false;
+  EXPECT_TRUE(lines(host, 5, 15.0)) << host.front_end.detail(Device::Laser);
+  EXPECT_EQ(host.links->laser().counters().opened, 1U);
+}
+
+struct Submission {
+  int number;
+  int code;
+};
+class UsbSubmission : public UsbLaser, public testing::WithParamInterface<Submission> {};
+
+// The first request, a later one, the first and the last transfer that listens, and some in the stream.
+TEST_P(UsbSubmission, ThatFailsCostsAReopening) {
+  adapter.laser.baud = 500000;
+  adapter.failing_submit = GetParam().number;
+  adapter.submit_errno = GetParam().code;
+  adapter.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(lines(host, 5)) << host.links->last_error(Device::Laser);
+  EXPECT_TRUE(until(host, 5.0, [&] { return adapter.failing_submit < 0 && host.links->laser().is_open(); }));
+  const LaserLink::Counters& counters = host.links->laser().counters();
+  EXPECT_EQ(counters.opened + counters.open_failures, 2U);
+  EXPECT_EQ(adapter.opens, 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(AtSomePoints, UsbSubmission,
+                         testing::Values(Submission{0, EIO}, Submission{7, ENODEV}, Submission{10, ENOMEM},
+                                         Submission{41, EIO}, Submission{42, EIO}, Submission{60, ENODEV},
+                                         Submission{200, ENOMEM}));
+
+TEST_F(UsbLaser, ClosedWithTransfersOfAllKindsUnderWayNothingIsLeft) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  {
+    Host host(usb_laser());
+    ASSERT_TRUE(lines(host, 5));
+    adapter.is_out_stuck = true;
+    adapter.is_deaf = true;
+    host.links->write_laser(std::array<std::uint8_t, 3>{1, 2, 3});
+    host.links->poll(Duration{0});
+    EXPECT_GT(adapter.transfers_under_way(), adapter.listening());
+  }
+  EXPECT_FALSE(adapter.is_opened());
+  EXPECT_EQ(adapter.transfers_under_way(), 0U);
+  EXPECT_TRUE(adapter.has_kernel_driver);
+}
+
+TEST_F(UsbLaser, ClosedDuringTheSetUpNothingIsLeft) {
+  adapter.is_deaf = true;
+  adapter.plug();
+  {
+    Host host(usb_laser());
+    ASSERT_TRUE(until(host, 2.0, [&] { return adapter.requests.size() == 1; }));
+    EXPECT_EQ(adapter.transfers_under_way(), 1U);
+  }
+  EXPECT_FALSE(adapter.is_opened());
+  EXPECT_EQ(adapter.transfers_under_way(), 0U);
+}
+
+TEST_F(UsbLaser, AChannelOfAFastChipIsUsedWithItsOwnWordsAndEndpoints) {
+  UsbAdapterModel fast(
+      bus,
+      {.port = "1-5", .product = 0x6010, .bcd_device = 0x0700, .serial = "FT1", .packet_size = 512, .channels = 2});
+  fast.laser.baud = 500000;
+  fast.plug();
+  HalConfig config = usb_laser();
+  config.laser.usb_channel = 2;
+  Host host(config);
+  EXPECT_TRUE(host.run(10.0, [&] { return host.lines >= 5; }, [&] { fast.live(); }));
+  EXPECT_EQ(fast.claimed, 1);
+  EXPECT_THAT(fast.requests, testing::Each(testing::Field(&Request::index, testing::AnyOf(2, 0x0202))));
+  EXPECT_THAT(fast.requests, testing::Contains(Request{3, 0x0018, 0x0202}));
+  EXPECT_THAT(fast.endpoints_used, testing::Each(testing::AnyOf(0x83, 0x04)));
+}
+
+TEST_F(UsbLaser, AChipOrChannelThatIsNotKnownIsNamed) {
+  UsbAdapterModel strange(bus, {.port = "1-1", .bcd_device = 0x4242});
+  strange.plug();
+  {
+    Host host(usb_laser());
+    EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("release 4242"));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("laser.link = \"tty\""));
+  }
+  strange.unplug();
+  adapter.plug();
+  HalConfig config = usb_laser();
+  config.laser.usb_channel = 2;
+  Host host(config);
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("1 channels"));
+}
+
+TEST_F(UsbLaser, ADeviceWithoutSerialEndpointsIsRefused) {
+  UsbAdapterModel odd(bus, {.port = "1-1", .packet_size = 48});
+  odd.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("endpoints"));
 }
 
 }  // namespace
