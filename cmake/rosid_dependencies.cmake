@@ -41,7 +41,8 @@ if(NOT ROSID_HAVE_USB)
   message(STATUS "USB: no libusb, built without")
 endif()
 if(ROSID_BUILD_TESTS)
-  # Optional: a USB bus for the tests.
+  # Optional: a USB bus for the tests, and another program's way with FTDI chips.
   pkg_check_modules(UMOCKDEV IMPORTED_TARGET QUIET umockdev-1.0)
+  pkg_check_modules(FTDI IMPORTED_TARGET QUIET libftdi1)
   find_library(ROSID_UMOCKDEV_PRELOAD NAMES libumockdev-preload.so.0)
 endif()

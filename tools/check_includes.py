@@ -39,7 +39,7 @@ RESERVED_HEADERS = {
     r"png\.h$": ("tools",),
     r"nlohmann/": ("daemon/run_record", "tools", "tests", "bench"),
     r"CLI/": ("daemon/main", "tools"),
-    r"(gpiod|libusb-1\.0/.*|libusb|ftdi|libftdi1/.*)\.h(pp)?$": ("hal/io",),
+    r"(gpiod|libusb-1\.0/.*|libusb|ftdi|libftdi1/.*)\.h(pp)?$": ("hal/io", "tests"),
     r"gtest/|gmock/|rapidcheck": ("tests",),
     r"benchmark/": ("bench",),
 }

@@ -15,6 +15,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "tools/doctor/usb_adapter.hpp"
 #include "tools/doctor/user.hpp"
 
 namespace rosid::doctor {
@@ -197,7 +198,13 @@ NodeCheck check_nodes(const hal::HalConfig& config) {
     check.is_rosid_running |= std::any_of(facts.holders.begin(), facts.holders.end(), is_rosid);
     for (Finding& finding : remarks(facts, subject)) { findings.push_back(std::move(finding)); }
   };
-  if (config.laser.enabled) { add_node(config.laser.device, "laser"); }
+  if (config.laser.enabled && config.laser.link == hal::LaserLinkKind::Usb) {
+    const UsbFacts facts = read_usb(config.laser);
+    findings.push_back(judge_usb(facts));
+    check.is_rosid_running |= std::any_of(facts.node.holders.begin(), facts.node.holders.end(), is_rosid);
+  } else if (config.laser.enabled) {
+    add_node(config.laser.device, "laser");
+  }
   if (!config.can.enabled) { return check; }
   if (config.can.link == hal::CanLink::Slcan) {
     add_node(config.can.device, "can");

@@ -5,6 +5,8 @@
 #include <vector>
 
 #include "hal/can/canopen.hpp"
+#include "hal/usb/ftdi_chip.hpp"
+#include "hal/usb/ftdi_packets.hpp"
 #include "tests/support/allocation_guard.hpp"
 #include "tests/unit/hal/bench.hpp"
 #include "tests/unit/hal/encoder_rig.hpp"
@@ -140,6 +142,24 @@ TEST(FrontEndAllocation, NothingIsTakenFromTheHeapForEdges) {
   EXPECT_GT(health.lost, 0U);
   EXPECT_GT(health.format_errors, 0U);
   EXPECT_GT(health.rejected, 0U);
+}
+
+TEST(FtdiAllocation, NothingIsTakenFromTheHeapForPacketsAndRates) {
+  std::vector<std::uint8_t> transfer(512, 0x62);
+  std::size_t bytes = 0;
+  std::uint64_t allocations = 0;
+  {
+    const rosid::test::AllocationGuard guard;
+    FtdiPackets packets(64);
+    for (std::size_t size = 0; size <= transfer.size(); ++size) {
+      bytes += packets.unpack(std::span(transfer).first(size)).size();
+    }
+    const auto baud = ftdi_baud(FtdiChip::R, 0, 500000);
+    bytes += ftdi_set_up(FtdiChip::R, 0, *baud).size();
+    allocations = guard.allocations();
+  }
+  EXPECT_EQ(allocations, 0U);
+  EXPECT_GT(bytes, 100'000U);
 }
 
 }  // namespace

@@ -1,15 +1,19 @@
 // The laser's line over a USB adapter: the real libusb against FTDI chips on a bus that is played (usb_bus.hpp). In
 // real time but bounded.
 
+#include <ftdi.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "hal/usb/ftdi_chip.hpp"
 #include "tests/unit/hal/host.hpp"
 #include "tests/unit/hal/usb_bus.hpp"
 
@@ -401,6 +405,65 @@ TEST_F(UsbLaser, ADeviceWithoutSerialEndpointsIsRefused) {
   Host host(usb_laser());
   EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures == 1; }));
   EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("endpoints"));
+}
+
+using Ftdi = std::unique_ptr<ftdi_context, decltype(&ftdi_free)>;
+
+/// What libftdi1 tells the chip for a rate, and what rosid does.
+void expect_same_words(UsbAdapterModel& adapter, const UsbAdapterModel::Kind& kind, ftdi_interface interface) {
+  adapter.plug();
+  const Ftdi ftdi(ftdi_new(), &ftdi_free);
+  ASSERT_TRUE(ftdi);
+  ASSERT_EQ(ftdi_set_interface(ftdi.get(), interface), 0);
+  ASSERT_EQ(ftdi_usb_open_desc(ftdi.get(), kind.vendor, kind.product, nullptr, nullptr), 0)
+      << ftdi_get_error_string(ftdi.get());
+  const auto chip = ftdi_chip(kind.bcd_device);
+  ASSERT_TRUE(chip);
+  const int channel = interface == INTERFACE_B ? 1 : 0;
+  for (const int baud :
+       {9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000, 2000000, 3000000}) {
+    adapter.requests.clear();
+    ASSERT_EQ(ftdi_set_baudrate(ftdi.get(), baud), 0) << baud;
+    const auto ours = ftdi_baud(*chip, channel, baud);
+    ASSERT_TRUE(ours) << baud;
+    EXPECT_THAT(adapter.requests, testing::ElementsAre(Request{ours->request, ours->value, ours->index})) << baud;
+  }
+  const auto is_told = [&adapter, &chip, channel](std::uint8_t request, std::uint16_t value) {
+    const Request theirs = adapter.requests.back();
+    EXPECT_EQ(theirs.request, request);
+    EXPECT_EQ(theirs.value, value);
+    const auto set_up = ftdi_set_up(*chip, channel, *ftdi_baud(*chip, channel, 9600));
+    EXPECT_TRUE(std::any_of(set_up.begin(), set_up.end(), [&](const FtdiRequest& ours) {
+      // libftdi numbers the line of a chip that has but one, the kernel's driver and rosid do not: it is ignored.
+      const bool is_same_line = ours.index == theirs.index || ftdi_channels(*chip) == 1;
+      return ours.request == theirs.request && ours.value == theirs.value && is_same_line;
+    }));
+  };
+  ASSERT_EQ(ftdi_set_latency_timer(ftdi.get(), 1), 0);
+  is_told(9, 1);
+  ASSERT_EQ(ftdi_set_line_property(ftdi.get(), BITS_8, STOP_BIT_1, NONE), 0);
+  is_told(4, 8);
+  ASSERT_EQ(ftdi_setflowctrl(ftdi.get(), SIO_DISABLE_FLOW_CTRL), 0);
+  is_told(2, 0);
+  ASSERT_EQ(ftdi_setdtr_rts(ftdi.get(), 1, 1), 0);
+  is_told(1, 0x0303);
+  ASSERT_EQ(ftdi_tcoflush(ftdi.get()), 0);
+  is_told(0, 1);
+  ASSERT_EQ(ftdi_tciflush(ftdi.get()), 0);
+  is_told(0, 2);
+  ASSERT_EQ(ftdi_usb_close(ftdi.get()), 0);
+}
+
+// A program we did not write, on the same played bus.
+TEST(UsbReferee, LibftdiTellsTheChipsTheSame) {
+  UsbBus bus;
+  const UsbAdapterModel::Kind plain{};
+  UsbAdapterModel r(bus, plain);
+  expect_same_words(r, plain, INTERFACE_A);
+  r.unplug();
+  const UsbAdapterModel::Kind fast{.product = 0x6010, .bcd_device = 0x0700, .packet_size = 512, .channels = 2};
+  UsbAdapterModel dual(bus, fast);
+  expect_same_words(dual, fast, INTERFACE_B);
 }
 
 }  // namespace
