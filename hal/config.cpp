@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <initializer_list>
 #include <string>
@@ -137,6 +136,21 @@ void check_distinct_nodes(Problems& problems, const HalConfig& config) {
   }
 }
 
+/// Hexadecimal digits only.
+bool parse_word(std::string_view text, int& value) {
+  constexpr unsigned kBase = 16;
+  unsigned sum = 0;
+  for (const char c : text) {
+    const std::string_view digits = "0123456789abcdefABCDEF";
+    const std::size_t at = digits.find(c);
+    if (at == std::string_view::npos) { return false; }
+    const auto digit = static_cast<unsigned>(at);
+    sum = (kBase * sum) + (digit < kBase ? digit : digit - 6);
+  }
+  value = static_cast<int>(sum);
+  return true;
+}
+
 }  // namespace
 
 bool is_line_offset(const std::string& line) {
@@ -145,7 +159,6 @@ bool is_line_offset(const std::string& line) {
 
 std::optional<std::vector<UsbId>> parse_usb_ids(std::string_view text) {
   constexpr std::size_t kDigits = 4;
-  constexpr int kHexadecimal = 16;
   std::vector<UsbId> ids;
   while (true) {
     text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
@@ -154,10 +167,7 @@ std::optional<std::vector<UsbId>> parse_usb_ids(std::string_view text) {
     text.remove_prefix(word.size());
     if (word.size() != (2 * kDigits) + 1 || word[kDigits] != ':') { return std::nullopt; }
     UsbId id;
-    const char* const middle = word.data() + kDigits;
-    const char* const end = word.data() + word.size();
-    if (std::from_chars(word.data(), middle, id.vendor, kHexadecimal).ptr != middle ||
-        std::from_chars(middle + 1, end, id.product, kHexadecimal).ptr != end || word.find('-') != word.npos) {
+    if (!parse_word(word.substr(0, kDigits), id.vendor) || !parse_word(word.substr(kDigits + 1), id.product)) {
       return std::nullopt;
     }
     ids.push_back(id);

@@ -29,9 +29,10 @@ Error usb_error(int code, const std::string& name) {
                                            "laser.usb_serial",
                                            name)};
     case LIBUSB_ERROR_IO:
-      return {ErrorCode::Io, fmt::format("{} cannot be used: LIBUSB_ERROR_IO (a service needs DeviceAllow=char-usb_device "
-                                         "rw)",
-                                         name)};
+      return {ErrorCode::Io,
+              fmt::format("{} cannot be used: LIBUSB_ERROR_IO (a service needs DeviceAllow=char-usb_device "
+                          "rw)",
+                          name)};
     default: return {ErrorCode::Io, fmt::format("{} cannot be used: {}", name, libusb_error_name(code))};
   }
 }

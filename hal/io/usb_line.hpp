@@ -18,11 +18,11 @@
 
 namespace rosid::hal {
 
-template <auto kRelease>
+template <auto Release>
 struct UsbReleaser {
   template <typename T>
   void operator()(T* object) const {
-    kRelease(object);
+    Release(object);
   }
 };
 using UsbHandle = std::unique_ptr<libusb_device_handle, UsbReleaser<libusb_close>>;

@@ -64,13 +64,17 @@ TEST(UsbAdapter, TheNodeIsFoundByBusAndNumber) {
 }
 
 UsbFacts forbidden(const std::string& group) {
-  return {.adapter = hal::UsbAdapter{.port = "1-2", .bcd_device = 0x0600, .serial = "A6008isP"},
-          .node = {.path = "/dev/bus/usb/001/017",
-                   .exists = true,
-                   .is_character_device = true,
-                   .may_open = false,
-                   .user = "ann",
-                   .group = group}};
+  hal::UsbAdapter adapter;
+  adapter.port = "1-2";
+  adapter.bcd_device = 0x0600;
+  adapter.serial = "A6008isP";
+  UsbFacts facts{.adapter = adapter, .node = {}};
+  facts.node.path = "/dev/bus/usb/001/017";
+  facts.node.exists = true;
+  facts.node.is_character_device = true;
+  facts.node.user = "ann";
+  facts.node.group = group;
+  return facts;
 }
 
 TEST(UsbAdapter, ForbiddenWithoutARuleTheRemedyIsTheRule) {

@@ -32,7 +32,9 @@ TEST(HalConfig, NamesEveryProblemAtOnce) {
 
 TEST(HalConfig, WhatIsSwitchedOffIsNotChecked) {
   HalConfig config;
-  config.laser = {.enabled = false, .device = "", .baud = 1};
+  config.laser.enabled = false;
+  config.laser.device = "";
+  config.laser.baud = 1;
   config.tilt = {.enabled = false, .node_id = 1};
   EXPECT_THAT(validate(config), IsEmpty());
 }

@@ -9,9 +9,9 @@
 #include <array>
 #include <cerrno>
 #include <cstdarg>
-#include <cstdio>
 #include <cstring>
 #include <span>
+#include <string_view>
 
 namespace rosid::hal::test {
 
@@ -84,9 +84,10 @@ std::string UsbAdapterModel::node() const {
 void UsbAdapterModel::plug() {
   address_ = bus_.next_address();
   const auto hex = [](int word) {
-    std::array<char, 8> text{};
-    std::snprintf(text.data(), text.size(), "%04x", static_cast<unsigned>(word));
-    return std::string(text.data());
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    std::string text;
+    for (int shift = 12; shift >= 0; shift -= 4) { text += kDigits[static_cast<std::size_t>(word >> shift) & 0xFU]; }
+    return text;
   };
   const std::string address = std::to_string(address_);
   const std::vector<std::pair<std::string, std::string>> attributes{{"busnum", "1"},
@@ -208,7 +209,9 @@ int UsbAdapterModel::on_ioctl(unsigned long request, void* argument) {
 }
 
 int UsbAdapterModel::submit(usbdevfs_urb& urb) {
-  if (failing_submit >= 0 && failing_submit-- == 0) { return fail(submit_errno); }
+  const bool is_failing = failing_submit == 0;
+  failing_submit = std::max(failing_submit - 1, -1);
+  if (is_failing) { return fail(submit_errno); }
   if (urb.type != USBDEVFS_URB_TYPE_CONTROL && claimed < 0) { return fail(EINVAL); }
   urb.status = -EINPROGRESS;
   urb.actual_length = 0;
@@ -344,11 +347,12 @@ void UsbAdapterModel::live() {
 extern "C" {
 
 // umockdev stands between the program and the C library; that it does so later than the sanitizer is all right.
-// NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c): the sanitizer's
+// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming): the sanitizer's
 const char* __asan_default_options();
 const char* __asan_default_options() {
   return "verify_asan_link_order=0";
 }
+// NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 
 // NOLINTNEXTLINE(cert-dcl50-cpp,readability-inconsistent-declaration-parameter-name): the C library's
 int ioctl(int fd, unsigned long request, ...) noexcept {
@@ -367,7 +371,7 @@ int ioctl(int fd, unsigned long request, ...) noexcept {
 }
 
 /// What open() is in a library that was built with checks.
-// NOLINTNEXTLINE(bugprone-reserved-identifier,cert-dcl37-c): the C library's
+// NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming): the C library's
 int __open_2(const char* path, int flags) {
   using namespace rosid::hal::test;
   if (UsbBus::current() != nullptr) {

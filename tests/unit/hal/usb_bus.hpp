@@ -16,6 +16,7 @@
 #include "hal/io/unique_fd.hpp"
 #include "tests/unit/hal/fake_lms.hpp"
 
+// NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming): umockdev's
 struct _UMockdevTestbed;
 
 namespace rosid::hal::test {
