@@ -40,8 +40,8 @@ std::vector<std::uint8_t> descriptors(const UsbAdapterModel::Kind& kind) {
 
 }  // namespace
 
-UsbBus*& UsbBus::current() {
-  static UsbBus* bus = nullptr;
+std::atomic<UsbBus*>& UsbBus::current() {
+  static std::atomic<UsbBus*> bus = nullptr;
   return bus;
 }
 
@@ -54,13 +54,25 @@ UsbBus::~UsbBus() {
   g_object_unref(testbed_);
 }
 
+void UsbBus::add(UsbAdapterModel& adapter) {
+  const std::scoped_lock lock(mutex_);
+  adapters_.push_back(&adapter);
+}
+
+void UsbBus::remove(UsbAdapterModel& adapter) {
+  const std::scoped_lock lock(mutex_);
+  std::erase(adapters_, &adapter);
+}
+
 UsbAdapterModel* UsbBus::with_node(const std::string& path) const {
+  const std::scoped_lock lock(mutex_);
   const auto found = std::find_if(adapters_.begin(), adapters_.end(),
                                   [&path](const auto* adapter) { return adapter->node() == path; });
   return found == adapters_.end() ? nullptr : *found;
 }
 
 UsbAdapterModel* UsbBus::with_descriptor(int fd) const {
+  const std::scoped_lock lock(mutex_);
   const auto found =
       std::find_if(adapters_.begin(), adapters_.end(), [fd](const auto* adapter) { return adapter->has(fd); });
   return found == adapters_.end() ? nullptr : *found;
@@ -362,8 +374,8 @@ int ioctl(int fd, unsigned long request, ...) noexcept {
   va_end(arguments);
   using namespace rosid::hal::test;
   constexpr unsigned long kTypeShift = 8;
-  if (((request >> kTypeShift) & 0xFFU) == 'U' && UsbBus::current() != nullptr) {
-    if (auto* adapter = UsbBus::current()->with_descriptor(fd)) { return adapter->on_ioctl(request, argument); }
+  if (((request >> kTypeShift) & 0xFFU) == 'U' && UsbBus::current().load() != nullptr) {
+    if (auto* adapter = UsbBus::current().load()->with_descriptor(fd)) { return adapter->on_ioctl(request, argument); }
   }
   using Function = int (*)(int, unsigned long, ...);
   static const auto kReal = reinterpret_cast<Function>(::dlsym(RTLD_NEXT, "ioctl"));
@@ -374,8 +386,8 @@ int ioctl(int fd, unsigned long request, ...) noexcept {
 // NOLINTNEXTLINE(bugprone-reserved-identifier,readability-identifier-naming): the C library's
 int __open_2(const char* path, int flags) {
   using namespace rosid::hal::test;
-  if (UsbBus::current() != nullptr) {
-    if (auto* adapter = UsbBus::current()->with_node(path)) { return adapter->on_open(); }
+  if (UsbBus::current().load() != nullptr) {
+    if (auto* adapter = UsbBus::current().load()->with_node(path)) { return adapter->on_open(); }
   }
   using Function = int (*)(const char*, int);
   static const auto kReal = reinterpret_cast<Function>(::dlsym(RTLD_NEXT, "__open_2"));
@@ -384,8 +396,8 @@ int __open_2(const char* path, int flags) {
 
 int close(int fd) {
   using namespace rosid::hal::test;
-  if (UsbBus::current() != nullptr) {
-    if (auto* adapter = UsbBus::current()->with_descriptor(fd)) { adapter->on_close(); }
+  if (UsbBus::current().load() != nullptr) {
+    if (auto* adapter = UsbBus::current().load()->with_descriptor(fd)) { adapter->on_close(); }
   }
   using Function = int (*)(int);
   static const auto kReal = reinterpret_cast<Function>(::dlsym(RTLD_NEXT, "close"));

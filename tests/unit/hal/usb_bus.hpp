@@ -4,10 +4,12 @@
 
 #include <linux/usbdevice_fs.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,15 +34,17 @@ class UsbBus {
   UsbBus& operator=(const UsbBus&) = delete;
 
   _UMockdevTestbed* testbed() const { return testbed_; }
-  void add(UsbAdapterModel& adapter) { adapters_.push_back(&adapter); }
-  void remove(UsbAdapterModel& adapter) { std::erase(adapters_, &adapter); }
+  void add(UsbAdapterModel& adapter);
+  void remove(UsbAdapterModel& adapter);
+  // Also from libusb's thread that listens to udev.
   UsbAdapterModel* with_node(const std::string& path) const;
   UsbAdapterModel* with_descriptor(int fd) const;
-  static UsbBus*& current();
+  static std::atomic<UsbBus*>& current();
   int next_address() { return ++addresses_; }
 
  private:
   _UMockdevTestbed* testbed_;
+  mutable std::mutex mutex_;
   std::vector<UsbAdapterModel*> adapters_;
   int addresses_ = 1;
 };
@@ -123,10 +127,10 @@ class UsbAdapterModel {
 
   UsbBus& bus_;
   Kind kind_;
-  int address_ = 1;
+  std::atomic<int> address_ = 1;
   bool is_plugged_ = false;
   std::string sysfs_path_;
-  int host_fd_ = -1;
+  std::atomic<int> host_fd_ = -1;
   UniqueFd kernel_end_;
   std::deque<usbdevfs_urb*> pending_;
   std::deque<usbdevfs_urb*> done_;
