@@ -28,6 +28,7 @@ class OfflineHost final : public hal::FrontEndSink {
         writer_(writer),
         samples_(samples),
         random_(options.seed, 0x4057),
+        adapter_(options.host.adapter),
         front_end_(options.hal, options.calibration, *this) {
     bench_.set_host_baud(kPowerOnBaud);
   }
@@ -59,7 +60,7 @@ class OfflineHost final : public hal::FrontEndSink {
     }
     bench_.poll(t_read, output_);
     for (const TimedFrame& frame : output_.can) { take_frame(frame); }
-    if (!output_.laser.empty()) { take_laser_bytes(t_read); }
+    take_laser_bytes(t_read);
     edges_.insert(edges_.end(), output_.edges.begin(), output_.edges.end());
     if (!edges_.empty() && t_read >= next_edges_) { take_edges(t_read); }
     advance_to(t_read);
@@ -150,11 +151,12 @@ class OfflineHost final : public hal::FrontEndSink {
 
   /// A serial port only gives the bytes that have arrived; the host stamps after the read.
   void take_laser_bytes(Time t_read) {
-    advance_to(t_read + uniform(options_.host.stamp_delay));
     laser_bytes_ += output_.laser.size();
-    if (!options_.hal.laser.enabled) { return; }
     chunk_.clear();
-    for (const LineByte& byte : output_.laser) { chunk_.push_back(byte.value); }
+    adapter_.pass(t_read, output_.laser, chunk_);
+    if (chunk_.empty()) { return; }
+    advance_to(t_read + uniform(options_.host.stamp_delay));
+    if (!options_.hal.laser.enabled) { return; }
     record(msgs::LaserRecord{.kind = msgs::LaserRecord::Kind::Received, .bytes = chunk_});
     front_end_.on_laser_bytes(now_, chunk_);
   }
@@ -173,6 +175,7 @@ class OfflineHost final : public hal::FrontEndSink {
   const RecordWriter& writer_;
   hal::FrontEndSink* samples_;
   DeviceRandom random_;
+  SerialAdapter adapter_;
   Time now_;
   Time next_tick_{kTickPeriod};
   int sending_baud_ = kPowerOnBaud;

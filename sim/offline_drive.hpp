@@ -12,6 +12,7 @@
 #include "msgs/log.hpp"
 #include "sim/device_bench.hpp"
 #include "sim/drive_report.hpp"
+#include "sim/serial_adapter.hpp"
 
 namespace rosid::sim {
 
@@ -22,6 +23,7 @@ struct HostTiming {
   double late_share = 0.01;                               ///< of the reads that are delayed
   Duration late_most = std::chrono::milliseconds(3);
   Duration stamp_delay = std::chrono::microseconds(50);  ///< read until stamped, uniform up to this
+  AdapterTiming adapter;                                 ///< between the laser's line and the port
 };
 
 struct OfflineOptions {

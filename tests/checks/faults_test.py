@@ -6,7 +6,8 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 COLUMNS = ("row", "fault", "test", "counter", "recovery", "rung")
-REQUIRED = [f"L{k}" for k in range(1, 22)] + [f"C{k}" for k in (*range(1, 10), 12, 13, 14)]
+REQUIRED = ([f"L{k}" for k in range(1, 22)] + [f"R{k}" for k in range(1, 9)] +
+            [f"C{k}" for k in (*range(1, 10), 12, 13, 14)] + ["T2", "T3"])
 RUNGS = {"U", "P", "guest"}
 # Names in code marks, then the file they are in.
 GROUP = re.compile(r"((?:`\w+\.\w+`(?:, )?)+) \(([\w./]+)\)")

@@ -118,6 +118,24 @@ TEST(OfflineDrive, CompleteScansOf100DegreesAtAQuarterDegreeAreTrueToo) {
   expect_lines_are_true(drive, 0.001);
 }
 
+// An FTDI chip as it is after power-up: a packet goes when 62 bytes are there, or after 16 ms. At 500 kBd packets fill
+// within a telegram; at 38400 Bd the rest of each waits for the timer.
+TEST(OfflineDrive, AnAdaptersLatencyOf16MillisecondsDoesNotReachTheStamps) {
+  OfflineOptions options = options_for();
+  options.host.adapter.latency = std::chrono::milliseconds(16);
+  const Drive drive(options);
+  expect_lines_are_true(drive, 0.001);
+  const auto packets = std::count_if(drive.records.begin(), drive.records.end(), [](const msgs::LogRecord& record) {
+    const auto* laser = std::get_if<msgs::LaserRecord>(&record.body);
+    return laser != nullptr && laser->bytes.size() == AdapterTiming{}.packet_payload;
+  });
+  EXPECT_GT(packets, 1000);
+  options.hal.laser.baud = 38400;
+  options.hal.laser.mode = hal::LaserMode::Complete;
+  options.bench = bench_options(options.hal, options.calibration, 7);
+  expect_lines_are_true(Drive(options, 30.0), 0.001);
+}
+
 TEST(OfflineDrive, ALaserLeftStreamingIsTakenOver) {
   OfflineOptions options = options_for();
   options.bench.laser.settings.baud = 500000;
