@@ -48,17 +48,6 @@ constexpr unsigned word_at(std::span<const std::uint8_t> bytes, std::size_t offs
 
 }  // namespace
 
-const char* to_cstr(ScanError error) {
-  switch (error) {
-    case ScanError::NotMeasuredValues: return "not a measured-value telegram";
-    case ScanError::Length: return "length does not fit the point count";
-    case ScanError::Unit: return "reserved unit";
-    case ScanError::Count: return "point count of no known raster";
-    case ScanError::MeasuringMode: return "undocumented measuring mode";
-  }
-  return "unknown";
-}
-
 tl::expected<Measured, ScanError> parse_measured(const Telegram& telegram) {
   const std::span<const std::uint8_t> payload = telegram.payload;
   if (payload.empty() || payload.front() != command::kMeasured) {

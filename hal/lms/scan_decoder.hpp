@@ -19,8 +19,6 @@ enum class ScanError : std::uint8_t {
   Count,              ///< no raster of this device has so many points
   MeasuringMode,      ///< the configured measuring mode is not documented, so the range bits are not known
 };
-const char* to_cstr(ScanError error);
-
 /// A measured-value telegram taken apart; values are a view into the telegram.
 struct Measured {
   MeasuredHeader header;

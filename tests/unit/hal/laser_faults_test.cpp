@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <string>
 #include <tuple>
 
 #include "tests/unit/hal/laser_rig.hpp"
@@ -37,7 +38,13 @@ Toll run_damaged(LaserRig& rig, double share, double seconds, unsigned seed) {
   line.mend();
   rig.run(0.2);
   rig.line = nullptr;
-  return {line.sent, line.intact, rig.lines - before};
+  const Toll toll{line.sent, line.intact, rig.lines - before};
+  // For the report in --gtest_output=json.
+  testing::Test::RecordProperty("bytes_damaged_share", std::to_string(share));
+  testing::Test::RecordProperty("telegrams_sent", toll.sent);
+  testing::Test::RecordProperty("telegrams_intact", toll.intact);
+  testing::Test::RecordProperty("telegrams_delivered", toll.delivered);
+  return toll;
 }
 
 TEST(LaserFaults, IntactTelegramsOfADamagedStreamAreDelivered) {
