@@ -55,8 +55,8 @@ class CanBus final : private EventHandler, private SlcanSink {
   void write(const CanFrame& frame);
   /// Hands over what has arrived. Returns the instant up to which nothing more is to come: `until` with a socket, whose
   /// frames carry the kernel's stamps; a little earlier with an adapter, whose frames are dated back; earlier still
-  /// when so much waits that it is left to the next call.
-  Time drain(Time until);
+  /// when so much waits that it is left to the next call. is_tick: time-outs run next.
+  Time drain(Time until, bool is_tick);
   /// Frames delivered from now on are stamped later than t.
   void settle(Time t) { t_last_ = std::max(t_last_, t); }
 

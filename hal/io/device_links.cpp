@@ -22,7 +22,7 @@ Time monotonic_now() {
 }
 
 Result<std::unique_ptr<DeviceLinks>> DeviceLinks::create(const HalConfig& config, LinkTap& tap, ClockFunction clock) {
-  auto loop = EventLoop::create(kTickPeriod);
+  auto loop = EventLoop::create(kTickPeriod, clock);
   if (!loop) { return tl::make_unexpected(loop.error()); }
   return std::unique_ptr<DeviceLinks>(new DeviceLinks(config, std::move(*loop), tap, clock));
 }
@@ -53,7 +53,7 @@ void DeviceLinks::poll(Duration max_wait) {
   const EventLoop::Ready ready = loop_.await(is_busy ? std::min(max_wait, kBusyPeriod) : max_wait);
   // After a stall the bus holds frames with stamps of the past. They go first: nothing that is stamped now may run a
   // time-out, or settle an instant, that they come before.
-  const Time t_drained = can_.drain(clock_());
+  const Time t_drained = can_.drain(clock_(), ready.outcome.is_tick);
   EventLoop::dispatch(ready);
   t_settled_ = std::max(t_settled_, t_drained);
   if (ready.outcome.is_tick) { tap_.on_tick(t_settled_, *front_end_); }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "base/contract.hpp"
 #include "hal/io/errno_text.hpp"
 
 namespace rosid::hal {
@@ -34,8 +35,8 @@ void drain_counter(int fd) {
 
 }  // namespace
 
-Result<EventLoop> EventLoop::create(Duration tick_period) {
-  EventLoop loop;
+Result<EventLoop> EventLoop::create(Duration tick_period, ClockFunction clock) {
+  EventLoop loop(clock);
   loop.epoll_ = UniqueFd(::epoll_create1(EPOLL_CLOEXEC));
   loop.timer_ = UniqueFd(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
   loop.wake_ = UniqueFd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
@@ -63,15 +64,46 @@ Result<void> EventLoop::watch(int fd, std::uint32_t events, EventHandler& handle
 
 void EventLoop::unwatch(int fd) {
   static_cast<void>(::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, fd, nullptr));
+  if (resting_.fd == fd) { resting_ = {}; }
+}
+
+void EventLoop::set_events(int fd, EventHandler* handler, std::uint32_t events) const {
+  epoll_event event{};
+  event.events = events;
+  event.data.ptr = handler;
+  static_cast<void>(::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, fd, &event));  // it is watched: cannot fail
+}
+
+void EventLoop::rest(int fd, EventHandler& handler, Duration pause) {
+  ROSID_EXPECT(resting_.fd == -1 || resting_.fd == fd);
+  if (resting_.fd == -1) { set_events(fd, &handler, 0); }
+  resting_ = {.fd = fd, .handler = &handler, .t_due = clock_() + pause};
+}
+
+void EventLoop::resume(int fd) {
+  if (resting_.fd != fd) { return; }
+  set_events(fd, resting_.handler, EPOLLIN);
+  resting_ = {};
+}
+
+Duration EventLoop::until_due(Duration most) const {
+  return resting_.fd == -1 ? most : std::min(most, resting_.t_due - clock_());
 }
 
 EventLoop::Ready EventLoop::await(Duration max_wait) {
   // One event a call: a handler may close what a later event of the same batch would refer to.
   epoll_event event{};
-  const auto wait_ms = std::chrono::ceil<std::chrono::milliseconds>(std::max(max_wait, Duration{0})).count();
+  const Duration wait = std::max(until_due(max_wait), Duration{0});
+  const auto wait_ms = std::chrono::ceil<std::chrono::milliseconds>(wait).count();
   const int n = ::epoll_wait(epoll_.get(), &event, 1, static_cast<int>(std::min<std::int64_t>(wait_ms, 60'000)));
   Ready ready;
-  if (n <= 0) { return ready; }
+  if (n <= 0) {
+    if (resting_.fd != -1 && until_due(Duration::max()) <= Duration{0}) {
+      ready.handler = resting_.handler;
+      ready.events = EPOLLIN;
+    }
+    return ready;
+  }
   if (event.data.u64 == kTimerMark) {
     drain_counter(timer_.get());
     ready.outcome.is_tick = true;

@@ -6,6 +6,7 @@
 
 #include "base/result.hpp"
 #include "base/time.hpp"
+#include "hal/io/link_tap.hpp"
 #include "hal/io/unique_fd.hpp"
 
 namespace rosid::hal {
@@ -21,12 +22,18 @@ class EventHandler {
 /// All functions on one thread, except wake().
 class EventLoop {
  public:
-  /// The timer expires every tick_period from now on.
-  static Result<EventLoop> create(Duration tick_period);
+  /// The timer expires every tick_period from now on. The clock must run as fast as CLOCK_MONOTONIC.
+  static Result<EventLoop> create(Duration tick_period, ClockFunction clock);
 
   /// The handler must live until unwatch(). A descriptor may be watched once.
   Result<void> watch(int fd, std::uint32_t events, EventHandler& handler);
   void unwatch(int fd);
+
+  /// Saves wake-ups for a descriptor that gets its bytes piece by piece: it is not reported for that long, then its
+  /// handler is called with EPOLLIN whether something is there or not, and lets it rest again or resumes it. EPOLLHUP
+  /// and EPOLLERR are reported all the while. The descriptor must be watched for EPOLLIN; one of all may rest.
+  void rest(int fd, EventHandler& handler, Duration pause);
+  void resume(int fd);
 
   struct Outcome {
     bool is_tick = false;  ///< the timer expired
@@ -49,11 +56,22 @@ class EventLoop {
   void wake() const;
 
  private:
-  EventLoop() = default;
+  struct Resting {
+    int fd = -1;  // none
+    EventHandler* handler = nullptr;
+    Time t_due;
+  };
 
+  explicit EventLoop(ClockFunction clock) : clock_(clock) {}
+  void set_events(int fd, EventHandler* handler, std::uint32_t events) const;
+  /// Time until the resting descriptor's turn, at most this.
+  Duration until_due(Duration most) const;
+
+  ClockFunction clock_;
   UniqueFd epoll_;
   UniqueFd timer_;
   UniqueFd wake_;
+  Resting resting_;
 };
 
 }  // namespace rosid::hal

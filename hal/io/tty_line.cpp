@@ -16,6 +16,8 @@ namespace {
 
 constexpr int kMostReads = 8;
 constexpr std::size_t kReadSize = 4096;
+// A driver gives the bytes of a telegram in a dozen pieces. The first one wakes, for its stamp; the others may wait.
+constexpr Duration kPiecesPause = std::chrono::milliseconds(4);
 
 class TtyLine final : public ByteLine, private EventHandler {
  public:
@@ -46,6 +48,7 @@ class TtyLine final : public ByteLine, private EventHandler {
 };
 
 void TtyLine::on_event(std::uint32_t events) {
+  bool has_bytes = false;
   for (int k = 0; k < kMostReads; ++k) {
     const IoResult got = port_.read(buffer_);
     if (got.status == IoStatus::WouldBlock) { break; }
@@ -54,11 +57,18 @@ void TtyLine::on_event(std::uint32_t events) {
                                                    : fmt::format("{} was lost: {}", path_, errno_text(got.error)));
       return;
     }
+    has_bytes = true;
     owner_.on_line_bytes(clock_(), std::span<const std::uint8_t>(buffer_).first(got.size));
+    if (got.size < buffer_.size()) { break; }  // that was all
   }
   if ((events & (EPOLLHUP | EPOLLERR)) != 0U) {
     owner_.on_line_lost(clock_(), fmt::format("{} was unplugged or closed", path_));
     return;
+  }
+  if (has_bytes) {
+    loop_.rest(port_.fd(), *this, kPiecesPause);
+  } else {
+    loop_.resume(port_.fd());
   }
   owner_.on_line_event(clock_());
 }

@@ -184,7 +184,7 @@ class CountingHandler final : public EventHandler {
 };
 
 TEST(EventLoopTest, ReportsDescriptorsTimerAndWakeUps) {
-  auto loop = EventLoop::create(std::chrono::milliseconds(5));
+  auto loop = EventLoop::create(std::chrono::milliseconds(5), monotonic_now);
   ASSERT_TRUE(loop);
   int ends[2];
   ASSERT_EQ(::pipe2(ends, O_CLOEXEC | O_NONBLOCK), 0);
@@ -206,6 +206,38 @@ TEST(EventLoopTest, ReportsDescriptorsTimerAndWakeUps) {
   EXPECT_GE(ticks, 2);
   EXPECT_EQ(wakes, 1);
   EXPECT_EQ(handler.count, 2);
+  writer.reset();
+  for (int k = 0; k < 100 && (handler.last_events & EPOLLHUP) == 0; ++k) {
+    static_cast<void>(loop->wait(std::chrono::milliseconds(10)));
+  }
+  EXPECT_NE(handler.last_events & EPOLLHUP, 0U);
+  loop->unwatch(reader.get());
+}
+
+TEST(EventLoopTest, ARestingDescriptorIsLookedAtAfterItsPauseAndWhenItHangsUp) {
+  auto loop = EventLoop::create(std::chrono::seconds(100), monotonic_now);
+  ASSERT_TRUE(loop);
+  int ends[2];
+  ASSERT_EQ(::pipe2(ends, O_CLOEXEC | O_NONBLOCK), 0);
+  const UniqueFd reader(ends[0]);
+  UniqueFd writer(ends[1]);
+  CountingHandler handler(reader.get());
+  ASSERT_TRUE(loop->watch(reader.get(), EPOLLIN, handler));
+  const Time t_due = monotonic_now() + std::chrono::milliseconds(30);
+  loop->rest(reader.get(), handler, std::chrono::milliseconds(30));
+  ASSERT_EQ(::write(writer.get(), "xyz", 3), 3);
+  static_cast<void>(loop->wait(std::chrono::milliseconds(1)));
+  EXPECT_EQ(handler.count, 0);
+  for (int k = 0; k < 100 && handler.count == 0; ++k) { static_cast<void>(loop->wait(std::chrono::seconds(1))); }
+  EXPECT_GE(monotonic_now(), t_due);
+  EXPECT_EQ(handler.count, 1);
+  // Its turn again at once, until it is resumed; then only with bytes.
+  static_cast<void>(loop->wait(std::chrono::seconds(1)));
+  EXPECT_EQ(handler.count, 2);
+  loop->resume(reader.get());
+  for (int k = 0; k < 100 && handler.count < 3; ++k) { static_cast<void>(loop->wait(std::chrono::seconds(1))); }
+  EXPECT_EQ(handler.count, 3);
+  loop->rest(reader.get(), handler, std::chrono::seconds(100));
   writer.reset();
   for (int k = 0; k < 100 && (handler.last_events & EPOLLHUP) == 0; ++k) {
     static_cast<void>(loop->wait(std::chrono::milliseconds(10)));
