@@ -57,14 +57,14 @@ class TestTest(ScriptTest):
 
     def test_the_sanitizers_are_asked_for(self):
         done, last, calls = self.run_test()
-        self.assertEqual((done.returncode, last), (0, "6 passed, 0 failed"))
+        self.assertEqual((done.returncode, last), (0, "11 passed, 0 failed"))
         self.assertEqual([name for name in ("tsan", "asan") if name in calls], [])
 
     def test_sums_over_all_stages(self):
         done, last, calls = self.run_test("--all")
-        # dev, tsan and asan have 5 each; clang-tidy over everything counts as one.
-        self.assertEqual((done.returncode, last), (0, "16 passed, 0 failed"))
-        self.assertEqual([name for name in ("dev", "tidy", "tsan", "asan") if f"--preset {name}" not in calls], [])
+        # dev, fuzz, tsan and asan have 5 each; clang-tidy over everything counts as one.
+        self.assertEqual((done.returncode, last), (0, "21 passed, 0 failed"))
+        self.assertEqual([name for name in ("dev", "tidy", "fuzz", "tsan", "asan") if f"--preset {name}" not in calls], [])
 
     def test_fast_is_dev_only(self):
         done, last, calls = self.run_test("--fast")
@@ -78,7 +78,7 @@ class TestTest(ScriptTest):
 
     def test_keep_going(self):
         done, last, _ = self.run_test("--all", "--keep-going", report=(7, 3, 1))
-        self.assertEqual((done.returncode, last), (1, "10 passed, 9 failed"))
+        self.assertEqual((done.returncode, last), (1, "13 passed, 12 failed"))
 
     def test_a_build_that_fails_counts_and_shows_why(self):
         self.write("build-fails", "")
