@@ -38,8 +38,9 @@ RESERVED_HEADERS = {
     r"embree[34]/": ("sim/ray_caster", "sim/scene"),
     r"png\.h$": ("tools",),
     r"nlohmann/": ("daemon/run_record", "tools", "tests", "bench"),
-    r"CLI/": ("daemon/main", "tools"),
+    r"CLI/": ("daemon/main", "tools", "bench"),
     r"(gpiod|libusb-1\.0/.*|libusb|ftdi|libftdi1/.*)\.h(pp)?$": ("hal/io", "tests"),
+    r"libsocketcan\.h$": ("tools/doctor/can_controller",),
     r"gtest/|gmock/|rapidcheck": ("tests",),
     r"benchmark/": ("bench",),
 }

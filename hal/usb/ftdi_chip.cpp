@@ -117,7 +117,8 @@ std::optional<FtdiRequest> ftdi_baud(FtdiChip chip, int channel, int baud) {
   const double got = 8.0 * static_cast<double>(d.clock_hz) / static_cast<double>(d.eighths);
   constexpr double kWorst = 0.02;
   const double off = (got / baud) - 1.0;
-  if (off > kWorst || off < -kWorst) { return std::nullopt; }
+  // An AM chip's rounding can leave the word's bits.
+  if (off > kWorst || off < -kWorst || d.eighths > kMostEighths) { return std::nullopt; }
   const unsigned high = d.word >> 16U;
   const std::uint16_t port = port_index(chip, channel);
   // Chips of several lines, and the fast ones, have the number of the line where the others have the word's rest.

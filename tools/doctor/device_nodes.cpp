@@ -14,7 +14,10 @@
 #include <charconv>
 #include <fstream>
 #include <system_error>
+#include <utility>
 
+#include "hal/io/edge_source.hpp"
+#include "tools/doctor/can_controller.hpp"
 #include "tools/doctor/usb_adapter.hpp"
 #include "tools/doctor/user.hpp"
 
@@ -189,6 +192,18 @@ Finding judge_interface(const InterfaceFacts& facts, int bitrate) {
   return {Verdict::Good, "can", fmt::format("{} is up", facts.name), ""};
 }
 
+Finding judge_lines(const hal::GpioConfig& gpio, const Error* refused) {
+  if (refused == nullptr) {
+    return {Verdict::Good, "turret",
+            fmt::format("GPIO lines {}, {}{}{} are there and free", gpio.line_a, gpio.line_b,
+                        gpio.line_z.empty() ? "" : ", ", gpio.line_z),
+            ""};
+  }
+  const bool is_ours = refused->code == ErrorCode::Busy && refused->message.find("'rosid'") != std::string::npos;
+  return {is_ours ? Verdict::Note : Verdict::Fault, "turret", refused->message,
+          is_ours ? "its figures: rosi watch, lcm-spy; to test the device: sudo systemctl stop rosid" : "gpioinfo"};
+}
+
 NodeCheck check_nodes(const hal::HalConfig& config) {
   NodeCheck check;
   Findings& findings = check.findings;
@@ -205,11 +220,21 @@ NodeCheck check_nodes(const hal::HalConfig& config) {
   } else if (config.laser.enabled) {
     add_node(config.laser.device, "laser");
   }
+  if (hal::is_on_gpio(config.turret)) {
+    const auto lines = hal::open_gpio_lines(config.gpio);
+    findings.push_back(judge_lines(config.gpio, lines ? nullptr : &lines.error()));
+  }
   if (!config.can.enabled) { return check; }
   if (config.can.link == hal::CanLink::Slcan) {
     add_node(config.can.device, "can");
   } else {
     findings.push_back(judge_interface(read_interface(config.can.device), config.can.bitrate));
+    const bool is_up = findings.back().verdict == Verdict::Good;
+    if (const auto controller = is_up ? read_controller(config.can.device) : std::nullopt; controller) {
+      for (Finding& finding : judge_controller(*controller, config.can.bitrate)) {
+        findings.push_back(std::move(finding));
+      }
+    }
   }
   return check;
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/result.hpp"
 #include "hal/config.hpp"
 #include "tools/doctor/finding.hpp"
 
@@ -44,6 +45,9 @@ Finding judge_node(const NodeFacts& facts, const std::string& subject);
 /// Further remarks on a node that is in order.
 Findings remarks(const NodeFacts& facts, const std::string& subject);
 Finding judge_interface(const InterfaceFacts& facts, int bitrate);
+
+/// refused: why the turret's lines could not be requested; nullptr when they could.
+Finding judge_lines(const hal::GpioConfig& gpio, const Error* refused);
 
 struct NodeCheck {
   Findings findings;

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "hal/io/device_links.hpp"
+#include "hal/lms/protocol.hpp"
+#include "hal/lms/telegram.hpp"
 
 namespace rosid::doctor {
 namespace {
@@ -51,6 +53,29 @@ class Arrivals {
   double gap_max_s_ = 0.0;
 };
 
+/// Overhears the status telegrams the driver asks for.
+class FirmwareReader final : private hal::lms::ParserSink {
+ public:
+  void hear(Time t, std::span<const std::uint8_t> bytes) { parser_.feed(t, bytes, *this); }
+  const std::string& firmware() const { return firmware_; }
+
+ private:
+  void on_telegram(const hal::lms::Telegram& telegram) override {
+    constexpr std::size_t kLength = 7;
+    if (telegram.command() != hal::lms::command::kStatusReply || telegram.payload.size() <= kLength) { return; }
+    const auto text = telegram.payload.subspan(1, kLength);
+    const auto is_printable = [](std::uint8_t c) { return c >= 0x20 && c < 0x7F; };
+    if (!std::all_of(text.begin(), text.end(), is_printable)) { return; }
+    firmware_.assign(text.begin(), text.end());
+    firmware_.erase(firmware_.find_last_not_of(' ') + 1);
+  }
+  void on_ack(Time /*t*/) override {}
+  void on_nak(Time /*t*/) override {}
+
+  hal::lms::Parser parser_{hal::lms::ParserRole::Host};
+  std::string firmware_;
+};
+
 class Probe final : private hal::FrontEndSink, private hal::LinkTap {
  public:
   static Result<ProbeFacts> run(const hal::HalConfig& config, const Calibration& calibration, double seconds) {
@@ -71,6 +96,7 @@ class Probe final : private hal::FrontEndSink, private hal::LinkTap {
   ProbeFacts facts(const hal::FrontEnd& front_end, Time start) const {
     ProbeFacts result;
     result.laser_baud = baud_;
+    result.laser_firmware = firmware_.firmware();
     DeviceHealthTable health = front_end.health();
     links_->add_link_health(health);
     for (std::size_t k = 0; k < result.devices.size(); ++k) {
@@ -96,7 +122,10 @@ class Probe final : private hal::FrontEndSink, private hal::LinkTap {
   void set_laser_baud(int baud) override { links_->set_laser_baud(baud); }
   void write_can(const hal::CanFrame& frame) override { links_->write_can(frame); }
 
-  void on_laser_received(Time t, std::span<const std::uint8_t> /*bytes*/) override { t_now_ = t; }
+  void on_laser_received(Time t, std::span<const std::uint8_t> bytes) override {
+    t_now_ = t;
+    firmware_.hear(t, bytes);
+  }
   void on_laser_sent(Time /*t*/, std::span<const std::uint8_t> /*bytes*/) override {}
   void on_laser_link(Time /*t*/, bool /*is_open*/) override {}
   void on_laser_baud(Time /*t*/, int baud) override { baud_ = baud; }
@@ -110,6 +139,7 @@ class Probe final : private hal::FrontEndSink, private hal::LinkTap {
 
   std::unique_ptr<hal::DeviceLinks> links_;
   std::array<Arrivals, kDeviceCount> arrivals_;
+  FirmwareReader firmware_;
   Time t_now_;
   int baud_ = 0;
 };
@@ -180,6 +210,10 @@ Findings judge_probe(const ProbeFacts& facts, const hal::HalConfig& config) {
     const DeviceFacts& device = facts.devices[static_cast<std::size_t>(expected.device)];
     if (is_on_bus && !device.error.empty()) { continue; }
     findings.push_back(judge_device(device, expected));
+    Finding& finding = findings.back();
+    if (expected.device == Device::Laser && !facts.laser_firmware.empty()) {
+      finding.text += ", firmware " + facts.laser_firmware;
+    }
   }
   if (config.laser.enabled && facts.laser_baud > 0 && facts.laser_baud != config.laser.baud) {
     findings.push_back({Verdict::Warning, "laser",
@@ -210,6 +244,7 @@ nlohmann::json to_json(const ProbeFacts& facts) {
                                                 {"emergencies", device.health.emergencies}};
   }
   devices["laser"]["baud"] = facts.laser_baud;
+  devices["laser"]["firmware"] = facts.laser_firmware;
   return devices;
 }
 

@@ -30,6 +30,7 @@ struct DeviceFacts {
 struct ProbeFacts {
   std::array<DeviceFacts, kDeviceCount> devices;
   int laser_baud = 0;
+  std::string laser_firmware;  ///< as its status telegram names it; empty when none was heard
 };
 
 /// Opens, starts and reads the devices for that long; they are left as rosid leaves them. Fails only for lack of

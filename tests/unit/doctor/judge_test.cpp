@@ -7,12 +7,15 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/temporary_directory.hpp"
+#include "tools/doctor/can_controller.hpp"
+#include "tools/doctor/device_nodes.hpp"
 #include "tools/doctor/device_probe.hpp"
 #include "tools/doctor/machine.hpp"
 
 namespace rosid::doctor {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::TemporaryDirectory;
 
@@ -134,6 +137,50 @@ TEST(Probe, BadLinesAndSlowLinesAreWarnedOf) {
   EXPECT_THAT(text, HasSubstr("20 wrong checksums"));
   EXPECT_THAT(text, HasSubstr("38400"));
   EXPECT_EQ(to_json(facts)["laser"]["baud"], 38400);
+}
+
+TEST(Probe, TheLasersFirmwareIsTold) {
+  ProbeFacts facts = good_probe();
+  facts.laser_firmware = "V02.30";
+  EXPECT_THAT(find(judge_probe(facts, {}), "laser")->text, HasSubstr("firmware V02.30"));
+  EXPECT_EQ(to_json(facts)["laser"]["firmware"], "V02.30");
+}
+
+TEST(Controller, EveryStateHasItsVerdictAndRemedy) {
+  ControllerFacts facts{.interface = "can1", .state = {}, .bitrate = 250000, .restart_ms = 100};
+  EXPECT_FALSE(has_fault(judge_controller(facts, 250000)));
+  facts.state = ControllerState::BusOff;
+  facts.transmit_errors = 248;
+  EXPECT_THAT(to_text(judge_controller(facts, 250000)),
+              AllOf(HasSubstr("bus-off"), HasSubstr("248"), HasSubstr("ip link set can1 type can restart")));
+  facts.state = ControllerState::ErrorPassive;
+  Findings findings = judge_controller(facts, 250000);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].verdict, Verdict::Warning);
+  EXPECT_THAT(findings[0].remedy, HasSubstr("60 ohm"));
+  facts.state = ControllerState::Stopped;
+  EXPECT_TRUE(has_fault(judge_controller(facts, 250000)));
+}
+
+TEST(Controller, AnotherBitRateIsAFaultAndNoRestartANote) {
+  ControllerFacts facts{.interface = "can0", .state = {}, .bitrate = 500000, .restart_ms = 0};
+  const Findings findings = judge_controller(facts, 250000);
+  ASSERT_EQ(findings.size(), 3U);
+  EXPECT_EQ(findings[1].verdict, Verdict::Fault);
+  EXPECT_THAT(findings[1].text, AllOf(HasSubstr("500000"), HasSubstr("250000")));
+  EXPECT_THAT(findings[1].remedy, HasSubstr("bitrate 250000"));
+  EXPECT_EQ(findings[2].verdict, Verdict::Note);
+  EXPECT_FALSE(read_controller("no-such-interface"));
+}
+
+TEST(Lines, OursAreANoteAndOthersAFault) {
+  const hal::GpioConfig gpio;
+  EXPECT_THAT(judge_lines(gpio, nullptr).text, HasSubstr("TURRET_A, TURRET_B, TURRET_Z"));
+  Error error{ErrorCode::Busy, "GPIO line 'TURRET_A' of /dev/gpiochip0 is in use by 'rosid'; gpioinfo shows it"};
+  EXPECT_EQ(judge_lines(gpio, &error).verdict, Verdict::Note);
+  error = {ErrorCode::NotFound, "there is no GPIO line TURRET_A"};
+  EXPECT_EQ(judge_lines(gpio, &error).verdict, Verdict::Fault);
+  EXPECT_THAT(judge_lines(gpio, &error).text, HasSubstr("TURRET_A"));
 }
 
 }  // namespace

@@ -233,7 +233,9 @@ TEST(LaserFaults, APowerCycleIsOverInSixSeconds) {
   EXPECT_LT(rig.time_to_line(6.0), 6.0);
   EXPECT_EQ(rig.session().silences, 1U);
   // At the device's own rate it is heard when it says so.
-  LaserRig slow({.baud = 9600});
+  LaserConfig config;
+  config.baud = 9600;
+  LaserRig slow(config);
   bring_up(slow);
   slow.device.power_cycle(slow.now);
   EXPECT_LT(slow.time_to_line(6.0), 6.0);
@@ -372,7 +374,11 @@ TEST(LaserFaults, TenMinutesOfGarbageAtFullRateEndInTwentySeconds) {
 }
 
 TEST(LaserFaults, AVariantThatIsRefusedIsCountedAndTheTelegramsTellTheirOwn) {
-  LaserRig rig({.mode = LaserMode::Complete, .opening_deg = 100, .resolution_deg = 0.25});
+  LaserConfig config;
+  config.mode = LaserMode::Complete;
+  config.opening_deg = 100;
+  config.resolution_deg = 0.25;
+  LaserRig rig(config);
   rig.device.script = [](const FakeLms::Command& command) {
     return command.code == cmd::kVariant ? Reaction::Refuse : Reaction::Obey;
   };

@@ -1,6 +1,7 @@
 #include "tests/unit/hal/usb_bus.hpp"
 
 #include <dlfcn.h>
+#include <fmt/format.h>
 #include <linux/ioctl.h>
 #include <sys/socket.h>
 #include <umockdev.h>
@@ -11,7 +12,6 @@
 #include <cstdarg>
 #include <cstring>
 #include <span>
-#include <string_view>
 
 namespace rosid::hal::test {
 
@@ -89,18 +89,12 @@ UsbAdapterModel::~UsbAdapterModel() {
 }
 
 std::string UsbAdapterModel::node() const {
-  std::string number = std::to_string(address_);
-  return "/dev/bus/usb/001/" + std::string(3 - number.size(), '0') + number;
+  return fmt::format("/dev/bus/usb/001/{:03}", address_);
 }
 
 void UsbAdapterModel::plug() {
   address_ = bus_.next_address();
-  const auto hex = [](int word) {
-    constexpr std::string_view kDigits = "0123456789abcdef";
-    std::string text;
-    for (int shift = 12; shift >= 0; shift -= 4) { text += kDigits[static_cast<std::size_t>(word >> shift) & 0xFU]; }
-    return text;
-  };
+  const auto hex = [](int word) { return fmt::format("{:04x}", word); };
   const std::string address = std::to_string(address_);
   const std::vector<std::pair<std::string, std::string>> attributes{{"busnum", "1"},
                                                                     {"devnum", address},
@@ -111,10 +105,7 @@ void UsbAdapterModel::plug() {
                                                                     {"speed", kind_.packet_size > 64 ? "480" : "12"},
                                                                     {"bConfigurationValue", "1"}};
   std::vector<std::string> texts;
-  for (const auto& [key, value] : attributes) {
-    texts.push_back(key);
-    texts.push_back(value + "\n");
-  }
+  for (const auto& [key, value] : attributes) { texts.insert(texts.end(), {key, value + "\n"}); }
   std::vector<char*> pointers;
   for (std::string& text : texts) { pointers.push_back(text.data()); }
   pointers.push_back(nullptr);
