@@ -349,11 +349,17 @@ void UsbAdapterModel::live() {
 
 extern "C" {
 
+// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming): the sanitizers'
 // umockdev stands between the program and the C library; that it does so later than the sanitizer is all right.
-// NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming): the sanitizer's
 const char* __asan_default_options();
 const char* __asan_default_options() {
   return "verify_asan_link_order=0";
+}
+// Threads of umockdev and libusb lock and close descriptors where the sanitizer cannot see it.
+const char* __tsan_default_suppressions();
+const char* __tsan_default_suppressions() {
+  return "called_from_lib:libglib-2.0.so\ncalled_from_lib:libumockdev.so\ncalled_from_lib:libumockdev-preload.so\n"
+         "called_from_lib:libudev.so\ncalled_from_lib:libusb-1.0.so\n";
 }
 // NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 
