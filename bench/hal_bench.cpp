@@ -44,7 +44,7 @@ sim::OfflineOptions drive_options() {
 }
 
 const std::vector<msgs::LogRecord>& records() {
-  static const std::vector<msgs::LogRecord> kept = [] {
+  static const std::vector<msgs::LogRecord> kKept = [] {
     std::vector<msgs::LogRecord> all;
     sim::testing::FormulaPlant plant(kDrive_s);
     const auto driven = sim::run_offline_drive(plant, drive_options(), [&all](const msgs::LogRecord& record) {
@@ -54,7 +54,7 @@ const std::vector<msgs::LogRecord>& records() {
     if (!driven) { std::abort(); }
     return all;
   }();
-  return kept;
+  return kKept;
 }
 
 void feed(hal::FrontEnd& front_end, const msgs::LogRecord& record, std::int64_t& bytes) {
@@ -79,7 +79,7 @@ void front_end(benchmark::State& state) {
   const auto options = drive_options();
   std::int64_t bytes = 0;
   int lines = 0;
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     Silent sink;
     hal::FrontEnd decoder(options.hal, options.calibration, sink);
     Time t_tick = records().front().t;
@@ -117,7 +117,7 @@ void lms_telegrams(benchmark::State& state) {
   for (std::size_t k = damaged; damaged != 0 && k < line.size(); k += damaged) { line[k] ^= 0x10U; }
   constexpr std::size_t kChunk = 64;
   CountingLmsSink sink;
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     lms::Parser parser(lms::ParserRole::Host);
     parser.set_baud(500000);
     Time t;
@@ -149,7 +149,7 @@ void slcan(benchmark::State& state) {
     text.insert(text.end(), line.view().begin(), line.view().end());
     ++frames;
   }
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     hal::SlcanParser parser;
     CountingSlcanSink sink;
     parser.feed(text, sink);
@@ -178,7 +178,7 @@ void quadrature(benchmark::State& state) {
     numbered[k].line_sequence = ++of_line[static_cast<std::size_t>(numbered[k].line)];
   }
   constexpr std::size_t kBatch = 8;
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     CountingReadings readings;
     hal::QuadratureConfig config;
     config.counts_per_turn = 4096;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -196,9 +197,7 @@ void print_row(const Condition& condition, const Outcome& outcome) {
   static_cast<void>(std::fflush(stdout));
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   double settle_s = 10.0;
   double seconds = 30.0;
   CLI::App app{"Load of the I/O thread and error of the scans' stamps, in real time"};
@@ -216,4 +215,15 @@ int main(int argc, char** argv) {
   std::puts("|---|---|---|---|---|---|---|");
   for (const Condition& condition : conditions) { print_row(condition, measure(condition, settle_s, seconds)); }
   return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& error) {
+    static_cast<void>(std::fprintf(stderr, "io_load: %s\n", error.what()));
+    return 70;
+  }
 }

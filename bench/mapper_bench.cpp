@@ -50,7 +50,7 @@ void process_view(benchmark::State& state) {
   const SurfaceView view = testing::make_view(world, truth, calibration, {}, ++id, random);
   const PoseEstimate belief = testing::make_prior(retract(truth, testing::draw(prior, random)), prior, view.t_ref);
   MapUpdate update;
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     state.PauseTiming();
     Mapper copy = mapper;
     state.ResumeTiming();

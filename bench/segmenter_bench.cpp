@@ -45,7 +45,7 @@ void segment_room(benchmark::State& state) {
   const auto picture = look_at(furnished_room(), look, calibration);
   Segmenter segmenter(SegmenterConfig{}, calibration);
   std::size_t patches = 0;
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     const auto view = segmenter.segment(picture.image);
     patches = view.patches.size();
     benchmark::DoNotOptimize(patches);
