@@ -10,6 +10,10 @@ std::optional<msgs::LogRecord> RawAssembler::add(const RawRecord& raw) {
   using Laser = msgs::LaserRecord::Kind;
   using Can = msgs::CanRecord::Kind;
   const std::size_t length = std::min<std::size_t>(raw.length, raw.bytes.size());
+  // What a full queue left of another read is no part of this one.
+  if (raw.kind != kind_ || raw.t != t_) { bytes_.clear(); }
+  kind_ = raw.kind;
+  t_ = raw.t;
   bytes_.insert(bytes_.end(), raw.bytes.begin(), raw.bytes.begin() + static_cast<std::ptrdiff_t>(length));
   if (raw.continues) { return std::nullopt; }
   const auto laser = [&](Laser kind) {

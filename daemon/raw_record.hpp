@@ -44,10 +44,12 @@ static_assert(std::is_trivially_copyable_v<RawRecord>);
 /// Puts reads together again and makes log records of them. One thread.
 class RawAssembler {
  public:
-  /// Nothing while the read goes on.
+  /// Nothing while the read goes on. A read whose last piece is missing is lost as a whole.
   std::optional<msgs::LogRecord> add(const RawRecord& raw);
 
  private:
+  RawRecord::Kind kind_ = RawRecord::Kind::LaserReceived;  // of the pending bytes
+  Time t_;
   std::vector<std::uint8_t> bytes_;
 };
 

@@ -51,15 +51,25 @@ std::string group_name(gid_t group) {
   return std::to_string(group);
 }
 
+/// What is there; a folder that goes meanwhile, as those of processes do, ends early.
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error); !error && at != fs::directory_iterator(); at.increment(error)) {
+    entries.push_back(at->path());
+  }
+  return entries;
+}
+
 std::vector<Holder> holders_of(const fs::path& device, const fs::path& root) {
   std::vector<Holder> found;
   std::error_code ignored;
-  for (const auto& process : fs::directory_iterator(root / "proc", ignored)) {
-    const int pid = number(process.path().filename().string());
+  for (const fs::path& process : entries_of(root / "proc")) {
+    const int pid = number(process.filename().string());
     if (pid <= 0) { continue; }
-    for (const auto& descriptor : fs::directory_iterator(process.path() / "fd", ignored)) {
-      if (fs::read_symlink(descriptor.path(), ignored) != device) { continue; }
-      found.push_back({pid, first_word(process.path() / "comm")});
+    for (const fs::path& descriptor : entries_of(process / "fd")) {
+      if (fs::read_symlink(descriptor, ignored) != device) { continue; }
+      found.push_back({pid, first_word(process / "comm")});
       break;
     }
   }
@@ -68,8 +78,7 @@ std::vector<Holder> holders_of(const fs::path& device, const fs::path& root) {
 
 std::vector<std::string> names_in(const fs::path& folder) {
   std::vector<std::string> names;
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) { names.push_back(entry.path().string()); }
+  for (const fs::path& entry : entries_of(folder)) { names.push_back(entry.string()); }
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -204,37 +213,67 @@ Finding judge_lines(const hal::GpioConfig& gpio, const Error* refused) {
           is_ours ? "its figures: rosi watch, lcm-spy; to test the device: sudo systemctl stop rosid" : "gpioinfo"};
 }
 
+int running_rosid(const std::filesystem::path& root) {
+  for (const fs::path& process : entries_of(root / "proc")) {
+    const int pid = number(process.filename().string());
+    if (pid > 0 && first_word(process / "comm") == "rosid") { return pid; }
+  }
+  return 0;
+}
+
+namespace {
+
+void add_node(const std::string& path, const std::string& subject, NodeCheck& check) {
+  const NodeFacts facts = read_node(path);
+  check.findings.push_back(judge_node(facts, subject));
+  check.is_rosid_running |= std::any_of(facts.holders.begin(), facts.holders.end(), is_rosid);
+  for (Finding& finding : remarks(facts, subject)) { check.findings.push_back(std::move(finding)); }
+}
+
+void add_laser(const hal::LaserConfig& laser, NodeCheck& check) {
+  if (laser.link != hal::LaserLinkKind::Usb) {
+    add_node(laser.device, "laser", check);
+    return;
+  }
+  const UsbFacts facts = read_usb(laser);
+  check.findings.push_back(judge_usb(facts));
+  check.is_rosid_running |= std::any_of(facts.node.holders.begin(), facts.node.holders.end(), is_rosid);
+}
+
+void add_can(const hal::CanConfig& can, NodeCheck& check) {
+  if (can.link == hal::CanLink::Slcan) {
+    add_node(can.device, "can", check);
+    return;
+  }
+  check.findings.push_back(judge_interface(read_interface(can.device), can.bitrate));
+  if (check.findings.back().verdict != Verdict::Good) { return; }
+  if (const auto controller = read_controller(can.device); controller) {
+    for (Finding& finding : judge_controller(*controller, can.bitrate)) {
+      check.findings.push_back(std::move(finding));
+    }
+  }
+}
+
+}  // namespace
+
 NodeCheck check_nodes(const hal::HalConfig& config) {
   NodeCheck check;
-  Findings& findings = check.findings;
-  const auto add_node = [&](const std::string& path, const std::string& subject) {
-    const NodeFacts facts = read_node(path);
-    findings.push_back(judge_node(facts, subject));
-    check.is_rosid_running |= std::any_of(facts.holders.begin(), facts.holders.end(), is_rosid);
-    for (Finding& finding : remarks(facts, subject)) { findings.push_back(std::move(finding)); }
-  };
-  if (config.laser.enabled && config.laser.link == hal::LaserLinkKind::Usb) {
-    const UsbFacts facts = read_usb(config.laser);
-    findings.push_back(judge_usb(facts));
-    check.is_rosid_running |= std::any_of(facts.node.holders.begin(), facts.node.holders.end(), is_rosid);
-  } else if (config.laser.enabled) {
-    add_node(config.laser.device, "laser");
-  }
+  if (config.laser.enabled) { add_laser(config.laser, check); }
   if (hal::is_on_gpio(config.turret)) {
     const auto lines = hal::open_gpio_lines(config.gpio);
-    findings.push_back(judge_lines(config.gpio, lines ? nullptr : &lines.error()));
+    check.findings.push_back(judge_lines(config.gpio, lines ? nullptr : &lines.error()));
+    check.is_rosid_running |= check.findings.back().verdict == Verdict::Note;
   }
-  if (!config.can.enabled) { return check; }
-  if (config.can.link == hal::CanLink::Slcan) {
-    add_node(config.can.device, "can");
-  } else {
-    findings.push_back(judge_interface(read_interface(config.can.device), config.can.bitrate));
-    const bool is_up = findings.back().verdict == Verdict::Good;
-    if (const auto controller = is_up ? read_controller(config.can.device) : std::nullopt; controller) {
-      for (Finding& finding : judge_controller(*controller, config.can.bitrate)) {
-        findings.push_back(std::move(finding));
-      }
-    }
+  if (config.can.enabled) { add_can(config.can, check); }
+  // A CAN interface has no holder to be seen, and who is not root does not see the holders of others' ports. Listening
+  // sets the nodes up anew, which a vehicle that drives would feel.
+  const bool is_hidden = (config.can.enabled && config.can.link == hal::CanLink::SocketCan) || ::geteuid() != 0;
+  if (check.is_rosid_running || !is_hidden) { return check; }
+  if (const int pid = running_rosid(); pid != 0) {
+    check.is_rosid_running = true;
+    check.findings.push_back({Verdict::Note, "rosid",
+                              fmt::format("it runs (process {}): its devices are left alone", pid),
+                              "its figures: rosi watch, lcm-spy; to test the devices: sudo systemctl stop rosid"});
   }
   return check;
 }

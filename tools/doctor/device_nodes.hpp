@@ -49,6 +49,9 @@ Finding judge_interface(const InterfaceFacts& facts, int bitrate);
 /// refused: why the turret's lines could not be requested; nullptr when they could.
 Finding judge_lines(const hal::GpioConfig& gpio, const Error* refused);
 
+/// Process number of a rosid on this machine; 0: none.
+int running_rosid(const std::filesystem::path& root = "/");
+
 struct NodeCheck {
   Findings findings;
   bool is_rosid_running = false;  ///< it has one of the ports

@@ -124,7 +124,7 @@ ConsistencyScore score_consistency(const Trajectory& estimate, const Trajectory&
     if (travelled < start_m || entry.t < next) { continue; }
     const Vec6 error = local_difference(estimate.at(entry.t), actual);
     const double nees = mahalanobis2(error, entry.covariance);
-    if (nees == std::numeric_limits<double>::max()) { continue; }
+    if (!(nees < std::numeric_limits<double>::max())) { continue; }  // also not a number
     sum += nees;
     ++score.samples;
     next = entry.t + duration_from_s(spacing_s);

@@ -121,6 +121,28 @@ TEST(RunFiles, FailuresAreCountedAndNamed) {
   files.flush();
 }
 
+TEST(RawAssembler, ALostLastPieceDoesNotGetIntoTheNextRecord) {
+  RawAssembler assembler;
+  RawRecord piece;
+  piece.t = time_from_s(1.0);
+  piece.continues = true;
+  piece.length = RawRecord::kMaxBytes;
+  EXPECT_FALSE(assembler.add(piece));
+  RawRecord edges;
+  edges.t = time_from_s(2.0);
+  edges.kind = RawRecord::Kind::EdgesReceived;
+  edges.length = sizeof(hal::EdgeRecord);
+  const auto record = assembler.add(edges);
+  ASSERT_TRUE(record);
+  EXPECT_EQ(std::get<msgs::GpioRecord>(record->body).edges.size(), 1U);
+  // And of an earlier read of the same kind.
+  EXPECT_FALSE(assembler.add(piece));
+  piece.t = time_from_s(3.0);
+  piece.continues = false;
+  piece.length = 3;
+  EXPECT_EQ(std::get<msgs::LaserRecord>(assembler.add(piece)->body).bytes.size(), 3U);
+}
+
 TEST(RawAssembler, PutsALongReadTogether) {
   RawAssembler assembler;
   RawRecord raw;

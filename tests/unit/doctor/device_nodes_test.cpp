@@ -105,5 +105,13 @@ TEST(DeviceNodes, CanInterfaces) {
   EXPECT_EQ(judge_interface(read_interface("can1", root.path()), 250000).verdict, Verdict::Good);
 }
 
+TEST(DeviceNodes, ARunningRosidIsFoundByItsName) {
+  const TemporaryDirectory root;
+  write(root.path() / "proc/123/comm", "bash\n");
+  EXPECT_EQ(running_rosid(root.path()), 0);
+  write(root.path() / "proc/4567/comm", "rosid\n");
+  EXPECT_EQ(running_rosid(root.path()), 4567);
+}
+
 }  // namespace
 }  // namespace rosid::doctor
