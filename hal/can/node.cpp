@@ -52,7 +52,7 @@ void Node::begin(Time now) {
   ++counters_.setups;
   phase_ = Phase::Setup;
   has_answered_ = false;
-  tpdo1_entry_ = 0;
+  tpdo1_entry_ = cob::kTpdo1 + static_cast<std::uint32_t>(node_id_);
   is_mapping_wrong_ = false;
   step_ = 0;
   tries_ = 0;
@@ -192,12 +192,15 @@ void Node::on_sdo(Time now, const CanFrame& frame) {
   const bool is_done = message->kind == expected;
   if (is_done && is_read) {
     if (message->object == kTpdo1CobId) {
-      tpdo1_entry_ = message->value;
       const std::uint32_t cob_id = message->value & kCobIdMask;
+      // Never written back with identifier 0: that is the master's.
+      tpdo1_entry_ = cob_id != 0 ? message->value : (message->value & ~kCobIdMask) | tpdo1_entry_;
       if (cob_id != 0 && (message->value & kCobExtended) == 0U) { tpdo1_id_ = cob_id; }
     }
     const SetupStep& step = steps_[step_];
-    if (step.kind == SetupStep::Kind::ReadMapping && message->value != step.value) { is_mapping_wrong_ = true; }
+    // Of the number of entries the first ones are of use; more may follow.
+    const bool is_enough = step.object == kTpdo1Mapped ? message->value >= step.value : message->value == step.value;
+    if (step.kind == SetupStep::Kind::ReadMapping && !is_enough) { is_mapping_wrong_ = true; }
     actions_.on_object(message->object, message->value);
   }
   next_step(now, !is_done);

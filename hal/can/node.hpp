@@ -21,7 +21,7 @@ struct SetupStep {
     Read,  ///< the value goes to NodeActions::on_object
     Write,
     WriteIfRefused,  ///< only when the device refused the step before: its older way to say the same
-    ReadMapping,     ///< a value other than this one has the steps below done, none, or no answer, has not
+    ReadMapping,     ///< the mapping is written, by the steps below, when the device tells another value than this
     DisableTpdo1,    ///< before the mapping is changed
     WriteMapping,
     EnableTpdo1,  ///< only when it was switched off, by the steps above or before

@@ -32,6 +32,8 @@ constexpr SetupStep kUnmap{SetupStep::Kind::WriteMapping, canopen::kTpdo1Mapped,
 
 constexpr std::array kEncoderSteps{
     kReadCobId,
+    // A set-up that was cut off leaves the right entries, but none of them in use.
+    SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1Mapped, 1, 0},
     SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1First, kMapPosition, 0},
     kDisable,
     kUnmap,
@@ -46,6 +48,7 @@ constexpr std::array kEncoderSteps{
 };
 constexpr std::array kTiltSteps{
     kReadCobId,
+    SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1Mapped, 2, 0},
     SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1First, kMapLongitudinal, 0},
     SetupStep{SetupStep::Kind::ReadMapping, canopen::kTpdo1Second, kMapLateral, 0},
     kDisable,
@@ -83,8 +86,10 @@ EncoderSensor::EncoderSensor(const EncoderConfig& config, CountUnwrapper::Kind k
       sink_(sink),
       listener_(listener),
       node_(make_node(config.signal, config.node_id, config.silence_limit_s, kEncoderSteps, *this)) {
-  const bool wraps_early = config.signal.id != 0 && config.signal.length_bits < 32;
-  if (wraps_early) { counter_.set_range(std::uint32_t{1} << static_cast<unsigned>(config.signal.length_bits)); }
+  // A sensor that is switched off may have any length: nobody looked at it.
+  const int bits = config.signal.length_bits;
+  const bool wraps_early = config.signal.id != 0 && bits > 0 && bits < 32;
+  if (wraps_early) { counter_.set_range(std::uint32_t{1} << static_cast<unsigned>(bits)); }
 }
 
 void EncoderSensor::send(const CanFrame& frame) {

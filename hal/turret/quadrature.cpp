@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/units.hpp"
+#include "hal/turret/edge_order.hpp"
 
 namespace rosid::hal {
 
@@ -14,13 +15,9 @@ namespace {
 constexpr Duration kMostReordered = std::chrono::milliseconds(1);
 constexpr Duration kStampFuture = std::chrono::milliseconds(1);
 constexpr Duration kStampAge = std::chrono::seconds(1);
-constexpr std::uint32_t kWrongClock = 8;  // bad stamps in a row
 // A pulse of the channels lasts two counts; worn gratings and slow transistors leave a quarter of it.
 constexpr double kShortestPulse_counts = 0.5;
 constexpr double kRateSlack = 1.25;
-// A shaft that trembles on one border does this too; its angle is as good as unknown as well.
-constexpr std::uint32_t kMostAlone = 32;
-constexpr std::uint32_t kMostIndicesAlone = 3;
 constexpr Duration kWindow = std::chrono::milliseconds(100);
 constexpr std::uint32_t kStorm = 200;  // glitches in a window: 2000 a second
 // Readings are not interpolated across a stop.
@@ -81,25 +78,27 @@ void QuadratureDecoder::on_link(Time now, bool is_open) {
 void QuadratureDecoder::on_edges(Time t_receive, std::span<const EdgeRecord> edges) {
   if (!is_open_) { return; }
   t_now_ = t_receive;
-  for (EdgeRecord edge : edges) {
-    ++counters_.records;
-    if (!accept_sequence(edge)) { continue; }
-    t_heard_ = t_receive;
-    const bool is_timed = accept_stamp(t_receive, edge);
-    has_edge_ = true;
-    settle(edge.t);
-    std::optional<Pending>& pending = edge.line == EdgeLine::Z ? z_ : phase_;
-    if (is_glitch(pending, edge, is_timed)) { continue; }
-    if (edge.line == EdgeLine::Z) {
-      if (!config_.has_index) { continue; }
-      // The channel's edge before it counts, so that the index knows where it is.
-      commit_phase();
-      commit_index();
-      z_ = Pending{edge, is_timed, count_, is_upwards_, has_motion_ && is_synchronised_};
-    } else {
-      commit_phase();
-      phase_ = Pending{.edge = edge, .is_timed = is_timed};
-    }
+  for_each_in_sequence(edges, [this, t_receive](const EdgeRecord& edge) { take(t_receive, edge); });
+}
+
+void QuadratureDecoder::take(Time t_receive, EdgeRecord edge) {
+  ++counters_.records;
+  if (!accept_sequence(edge)) { return; }
+  t_heard_ = t_receive;
+  const bool is_timed = accept_stamp(t_receive, edge);
+  has_edge_ = true;
+  settle(edge.t);
+  std::optional<Pending>& pending = edge.line == EdgeLine::Z ? z_ : phase_;
+  if (is_glitch(pending, edge, is_timed)) { return; }
+  if (edge.line == EdgeLine::Z) {
+    if (!config_.has_index) { return; }
+    // The channel's edge before it counts, so that the index knows where it is.
+    commit_phase();
+    commit_index();
+    z_ = Pending{edge, is_timed, count_, is_upwards_, has_motion_ && is_synchronised_};
+  } else {
+    commit_phase();
+    phase_ = Pending{.edge = edge, .is_timed = is_timed};
   }
 }
 
@@ -359,42 +358,6 @@ std::optional<QuadratureReading> QuadratureDecoder::angle_at(Time t) const {
 double QuadratureDecoder::rate_rad_s(Time now) const {
   if (track_.is_empty() || now - track_.t_newest() > config_.silence_limit) { return 0.0; }
   return rad_per_count_ * track_.rate_per_s();
-}
-
-DeviceState QuadratureDecoder::state() const {
-  if (!is_open_) { return DeviceState::Absent; }
-  if (!has_edge_) { return DeviceState::Connecting; }
-  if (t_now_ - t_heard_ > config_.silence_limit) { return DeviceState::Silent; }
-  const bool is_faulty =
-      bad_stamps_in_a_row_ >= kWrongClock || is_storm() || is_channel_dead_ || (config_.has_index && index_.is_gone());
-  if (is_faulty) { return DeviceState::Faulty; }
-  return may_deliver() ? DeviceState::Running : DeviceState::Configuring;
-}
-
-const char* QuadratureDecoder::detail() const {
-  switch (state()) {
-    case DeviceState::Absent: return "lines are not requested";
-    case DeviceState::Connecting: return "no edge yet: the turret stands, or the encoder has no power";
-    case DeviceState::Silent: return "no edges: the turret stands, or the encoder has no power";
-    case DeviceState::Running:
-      return doubt_counts_ == 0 ? "counting"
-                                : "counting, but edges were lost and there is no index to find the angle by";
-    case DeviceState::Configuring:
-      return index_.is_found() ? "counts may be lost; the angle is uncertain until the index confirms it"
-                               : "counting; waiting for the index";
-    case DeviceState::Faulty: break;
-    case DeviceState::Disabled: return "not configured";
-  }
-  if (bad_stamps_in_a_row_ >= kWrongClock) { return "the edges are not stamped by CLOCK_MONOTONIC"; }
-  if (is_storm()) { return "pulses shorter than any turn makes: check shield and ground, set gpio.debounce_us"; }
-  if (is_channel_dead_) {
-    if (indices_alone_ >= kMostIndicesAlone) {
-      return "the index comes, but neither A nor B changes; check lines A and B";
-    }
-    return edges_alone_[0] >= kMostAlone ? "A changes, but B does not; check line B"
-                                         : "B changes, but A does not; check line A";
-  }
-  return "the index does not come any more; check line Z";
 }
 
 }  // namespace rosid::hal

@@ -96,6 +96,12 @@ class QuadratureDecoder {
     bool has_motion = false;  // known at all
   };
 
+  static constexpr std::uint32_t kWrongClock = 8;  // bad stamps in a row
+  // A shaft that trembles on one border does this too; its angle is as good as unknown as well.
+  static constexpr std::uint32_t kMostAlone = 32;
+  static constexpr std::uint32_t kMostIndicesAlone = 3;
+
+  void take(Time t_receive, EdgeRecord edge);
   bool accept_sequence(const EdgeRecord& edge);
   void on_gap(std::uint32_t lost);
   bool accept_stamp(Time t_receive, EdgeRecord& edge);

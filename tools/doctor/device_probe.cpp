@@ -215,7 +215,9 @@ Findings judge_probe(const ProbeFacts& facts, const hal::HalConfig& config) {
       finding.text += ", firmware " + facts.laser_firmware;
     }
   }
-  if (config.laser.enabled && facts.laser_baud > 0 && facts.laser_baud != config.laser.baud) {
+  // While it is looked for the rate is only the one that is tried.
+  const bool is_running = facts.devices[static_cast<std::size_t>(Device::Laser)].health.state == DeviceState::Running;
+  if (config.laser.enabled && is_running && facts.laser_baud > 0 && facts.laser_baud != config.laser.baud) {
     findings.push_back({Verdict::Warning, "laser",
                         fmt::format("it runs at {} baud, {} are configured", facts.laser_baud, config.laser.baud),
                         "use an adapter that can run at the configured rate (RS-422 for 500000)"});

@@ -227,6 +227,24 @@ TEST(CanSensors, AnEncoderWithoutEventTimerIsTimedTheOldWay) {
   EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Running);
 }
 
+TEST(CanSensors, ADeviceThatDoesNotTellItsIdentifierIsNeverGivenTheMasters) {
+  Vehicle vehicle;
+  vehicle.turret.objects.erase(FakeNode::key(co::kTpdo1CobId));
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)] = {1, 1};
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1First)] = {0x60300110U, 4};  // speed
+  vehicle.bench.front_end.on_can_link(vehicle.bench.now, true);
+  vehicle.run(2.0);
+  int written = 0;
+  for (const CanFrame& frame : vehicle.bench.can_sent) {
+    const bool is_write = frame.id == 0x603 && frame.data[0] == 0x23 && frame.data[1] == 0x00 && frame.data[2] == 0x18;
+    if (!is_write) { continue; }
+    ++written;
+    EXPECT_EQ(frame.data[4], 0x83);
+    EXPECT_EQ(frame.data[5], 0x01);
+  }
+  EXPECT_GT(written, 0);
+}
+
 TEST(CanSensors, AMappingThatDiffersIsWrittenWhileTheProcessDataAreOff) {
   Vehicle vehicle;
   vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)] = {1, 1};
@@ -245,6 +263,21 @@ TEST(CanSensors, AMappingThatDiffersIsWrittenWhileTheProcessDataAreOff) {
   EXPECT_EQ(vehicle.left.mapping_writes, 0);  // it does not tell its mapping: taken as it is
   EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Running);
   EXPECT_EQ(vehicle.state(Device::Tilt), DeviceState::Running);
+}
+
+// The set-up before was cut off with the right entries in place, but none in use.
+TEST(CanSensors, AMappingThatWasLeftHalfWrittenIsFinished) {
+  Vehicle vehicle;
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)] = {0, 1};
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1First)] = {0x60040020U, 4};
+  vehicle.tilt.objects[FakeNode::key(co::kTpdo1Mapped)] = {3, 1};  // one more than needed
+  vehicle.tilt.objects[FakeNode::key(co::kTpdo1First)] = {0x60100010U, 4};
+  vehicle.tilt.objects[FakeNode::key(co::kTpdo1Second)] = {0x60200010U, 4};
+  vehicle.bench.front_end.on_can_link(vehicle.bench.now, true);
+  vehicle.run(2.0);
+  EXPECT_EQ(vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)].value, 1U);
+  EXPECT_EQ(vehicle.turret.mapping_writes, 3);
+  EXPECT_EQ(vehicle.tilt.mapping_writes, 0);
 }
 
 TEST(CanSensors, ARebootIsSetUpAgainAndTheCountMarkedLost) {

@@ -91,6 +91,7 @@ class EncoderRig final : public QuadratureDecoder::Listener {
       edge.line_sequence = ++line_sequence.at(static_cast<std::size_t>(edge.line) % kEdgeLines);
       if (!drop_in_kernel || !drop_in_kernel(edge)) { batch.push_back(edge); }
     }
+    if (disorder_in_kernel) { disorder_in_kernel(batch); }
     decoder.on_edges(now + latency, batch);
     decoder.tick(now + latency);
   }
@@ -119,6 +120,7 @@ class EncoderRig final : public QuadratureDecoder::Listener {
   Duration latency{200'000};
   std::function<void(std::vector<EdgeRecord>&)> distort;  ///< on the wires
   std::function<bool(const EdgeRecord&)> drop_in_kernel;
+  std::function<void(std::vector<EdgeRecord>&)> disorder_in_kernel;  ///< after they have their numbers
   std::uint32_t sequence = 0;
   std::array<std::uint32_t, kEdgeLines> line_sequence{};
   std::vector<QuadratureReading> readings;

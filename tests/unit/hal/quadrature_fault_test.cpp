@@ -113,6 +113,27 @@ TEST(QuadratureFaults, AStormOfEdgesIsAFaultThatPasses) {
   EXPECT_LT(rig.worst_error_rad(rig.readings.size() - 10), 0.02 * kCount_rad);
 }
 
+// Of two lines that change together the later edge is queued first, on its own processor; at the index in every turn.
+TEST(QuadratureFaults, EdgesThatOvertakeEachOtherOnTheirWayAreNoLoss) {
+  EncoderRig rig;
+  int swaps = 0;
+  rig.disorder_in_kernel = [&swaps](std::vector<EdgeRecord>& batch) {
+    for (std::size_t k = 1; k < batch.size(); ++k) {
+      const bool is_index = batch[k].line == EdgeLine::Z;
+      if (!is_index && k % 7 != 0) { continue; }
+      std::swap(batch[k - 1], batch[k]);
+      ++swaps;
+      ++k;
+    }
+  };
+  rig.turn(kRate_hz, 3.0 * kTurnTime_s);
+  EXPECT_GT(swaps, 100);
+  EXPECT_EQ(rig.counters().lost + rig.counters().malformed + rig.counters().illegal, 0U);
+  EXPECT_EQ(rig.decoder.state(), DeviceState::Running);
+  EXPECT_GT(rig.readings.size(), 200U);
+  EXPECT_LT(rig.worst_error_rad(), 0.02 * kCount_rad);
+}
+
 // T2
 TEST(QuadratureFaults, StampsThatStandStillGoBackOrLieAheadAreCounted) {
   EncoderRig rig;
