@@ -16,7 +16,12 @@ Eigenpairs<Matrix, Vector> decomposed(const Matrix& m) {
 
 template <typename Matrix>
 Matrix inverted(const Matrix& m) {
-  return symmetrised(m.ldlt().solve(Matrix::Identity(m.rows(), m.cols())));
+  const Eigen::LDLT<Matrix> factor(m);
+  // Eigen would solve without the pivots that are zero, as if nothing were wrong.
+  if ((factor.vectorD().array() == 0.0).any()) {
+    return Matrix::Constant(m.rows(), m.cols(), std::numeric_limits<double>::quiet_NaN());
+  }
+  return symmetrised(factor.solve(Matrix::Identity(m.rows(), m.cols())));
 }
 
 template <typename Vector, typename Matrix>
