@@ -31,14 +31,13 @@ Eigenpairs<Mat6, Vec6> eigenpairs(const Mat6& m);
 Eigenpairs<MatX6, VecX6> eigenpairs(const MatX6& m);
 Eigenpairs<Eigen::MatrixXd, Eigen::VectorXd> eigenpairs(const Eigen::MatrixXd& m);
 
-/// Inverse of a positive definite matrix, symmetric to the last bit; not a number when a pivot is exactly zero.
+/// Inverse of a positive definite matrix, symmetric to the last bit; not finite when it is singular.
 Mat3 inverse_of_spd(const Mat3& m);
 Mat6 inverse_of_spd(const Mat6& m);
 MatX6 inverse_of_spd(const MatX6& m);
 Eigen::MatrixXd inverse_of_spd(const Eigen::MatrixXd& m);
 
-/// Logarithm of a positive semidefinite matrix's determinant; a pivot that is not positive counts as the smallest
-/// double.
+/// Logarithm of a positive semidefinite matrix's determinant; that of the smallest double when it is singular.
 double log_determinant(const Mat6& m);
 
 /// r^T C^-1 r; the largest double when C is not positive definite.
