@@ -92,6 +92,7 @@ void visit_fields(Visitor& v, estimator::EstimatorConfig& c) {
   v.number("wheel_scale_walk_per_sqrt_m", c.wheel_scale_walk_per_sqrt_m);
   v.number("tilt_bias_walk_rad_per_sqrt_s", c.tilt_bias_walk_rad_per_sqrt_s);
   v.number("acceleration_sigma_mps2", c.acceleration_sigma_mps2);
+  v.number("slope_inflation", c.slope_inflation);
   v.number("slip_inflation", c.slip_inflation);
   v.number("stationary_after_s", c.stationary_after_s);
   v.number("coasting_acceleration_sigma_mps2", c.coasting_acceleration_sigma_mps2);

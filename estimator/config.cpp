@@ -27,6 +27,7 @@ std::vector<std::string> validate(const EstimatorConfig& config) {
   sigma("tilt_bias_walk_rad_per_sqrt_s", config.tilt_bias_walk_rad_per_sqrt_s, 0.1);
   sigma("acceleration_sigma_mps2", config.acceleration_sigma_mps2, 100.0);
   sigma("coasting_acceleration_sigma_mps2", config.coasting_acceleration_sigma_mps2, 100.0);
+  in_range("slope_inflation", config.slope_inflation, 1.0, 1e6, "between 1 (no inflation) and 1000000");
   in_range("slip_inflation", config.slip_inflation, 1.0, 1e6, "between 1 (no inflation) and 1000000");
   in_range("stationary_after_s", config.stationary_after_s, 0.05, 60.0, "between 0.05 and 60 seconds");
   if (config.history_s < 2.0 * config.step_s) { problems.emplace_back("'history_s' must hold at least two steps"); }

@@ -13,7 +13,7 @@ struct EstimatorConfig {
   double history_s = 15.0;      ///< how late a surface fix may come
 
   double wheel_sigma_m_per_sqrt_m = 0.01;          ///< each wheel's distance noise
-  double slope_sigma_rad_per_sqrt_m = 0.017;       ///< unknown change of the terrain's slope (1 degree)
+  double slope_sigma_rad_per_sqrt_m = 0.007;       ///< unknown change of the terrain's slope (0.4 degrees)
   double turn_slip_sigma_rad_per_sqrt_rad = 0.03;  ///< heading noise of turning
   double heading_sigma_rad_per_sqrt_m = 0.005;     ///< heading noise of driving straight
   double lateral_sigma_m_per_sqrt_m = 0.005;
@@ -22,6 +22,7 @@ struct EstimatorConfig {
   double tilt_bias_walk_rad_per_sqrt_s = 3e-5;
 
   double acceleration_sigma_mps2 = 0.15;  ///< error of the wheel-predicted acceleration the inclinometer feels
+  double slope_inflation = 25.0;          ///< factor on the slope's variance while the inclinometer shows a change
   double slip_inflation = 25.0;           ///< factor on wheel noise while slip is suspected
   double stationary_after_s = 0.5;
   double coasting_acceleration_sigma_mps2 = 0.5;  ///< when wheel data is missing

@@ -158,7 +158,7 @@ void Ekf::Impl::advance(Time t) {
     if (const std::optional<std::size_t> first = fill_gap()) { replay_from(*first); }
   }
 
-  const NoiseVector variances = noise_variances(state_.nominal, input, model_);
+  const NoiseVector variances = noise_variances(state_, input, model_);
   odometry_.wheel_scale = state_.nominal.wheel_scale;
   odometry_.tilt_bias = state_.nominal.tilt_bias;
   const Nominal odometry_before = odometry_;

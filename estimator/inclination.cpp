@@ -15,6 +15,11 @@ constexpr int kRejectionsUntilOpened = 10;
 // Noise factor between the two gates.
 constexpr double kInflation = 4.0;
 
+// Time constant of the mean over innovations: about as long as a vehicle takes to climb a ramp with its wheel base.
+constexpr double kTrendTime_s = 0.4;
+// The slope that changes goes on changing for about so long a way: a wheel base and the lag's way.
+constexpr double kRoughWay_m = 1.0;
+
 // Nothing is known about roll and pitch.
 constexpr double kUnknownTiltSigma_rad = 1.0;
 
@@ -44,6 +49,15 @@ void open_gate(FilterState& state, const Vec2& innovation) {
   J.middleRows<3>(kRotation) = Mat3::Identity() - up * up.transpose();
   J.middleRows<2>(kTiltLag) = skew(up).topRows<2>();
   state.P += innovation.squaredNorm() * J * J.transpose();
+}
+
+/// A change of slope pushes many innovations to the same side long before one of them is too large by itself.
+void follow_trend(FilterState& state, const TiltUpdate& update, double dt_s) {
+  const double keep = std::exp(-dt_s / kTrendTime_s);
+  state.tilt_trend = keep * state.tilt_trend + (1.0 - keep) * update.innovation;
+  state.tilt_trend_variance =
+      keep * keep * state.tilt_trend_variance + (1.0 - keep) * (1.0 - keep) * update.variance.mean();
+  if (state.tilt_trend.squaredNorm() > chi_square_95(2) * state.tilt_trend_variance) { state.rough_m = kRoughWay_m; }
 }
 
 }  // namespace
@@ -91,6 +105,7 @@ TiltUpdate update_tilt(FilterState& state, const TickInput& input, const Vec2& l
     update.outcome = AidOutcome::NumericFault;
     return update;
   }
+  follow_trend(state, update, input.dt_s);
   if (update.test_ratio > 1.0) {
     ++state.tilt_rejections;
     if (state.tilt_rejections < kRejectionsUntilOpened) {

@@ -57,6 +57,7 @@ MotionModel::MotionModel(const EstimatorConfig& config, const Calibration& calib
       tilt_lag_s(calibration.tilt_lag_s),
       wheel_rate(square(config.wheel_sigma_m_per_sqrt_m)),
       slope_rate(square(config.slope_sigma_rad_per_sqrt_m)),
+      rough_slope_rate(config.slope_inflation * slope_rate),
       turn_rate(square(config.turn_slip_sigma_rad_per_sqrt_rad)),
       heading_rate(square(config.heading_sigma_rad_per_sqrt_m)),
       lateral_rate(square(config.lateral_sigma_m_per_sqrt_m)),
@@ -110,15 +111,16 @@ Nominal propagate(const Nominal& before, const TickInput& input, const MotionMod
   return after;
 }
 
-NoiseVector noise_variances(const Nominal& before, const TickInput& input, const MotionModel& model) {
-  const Vec2 distances_m = scaled(input.wheels_m, before.wheel_scale);
+NoiseVector noise_variances(const FilterState& before, const TickInput& input, const MotionModel& model) {
+  const Vec2 distances_m = scaled(input.wheels_m, before.nominal.wheel_scale);
+  const double slope_rate = before.rough_m > 0.0 ? model.rough_slope_rate : model.slope_rate;
   const double travel_m = 0.5 * std::abs(distances_m.sum());
   const double turn_rad = std::abs(distances_m(1) - distances_m(0)) / model.track_m;
   const double wheel_rate = model.wheel_rate * input.wheel_noise_factor;
   NoiseVector v;
   v << wheel_rate * std::abs(distances_m(0)) + input.coasting_variance_m2,
-      wheel_rate * std::abs(distances_m(1)) + input.coasting_variance_m2, model.slope_rate * travel_m,
-      model.slope_rate * travel_m, model.turn_rate * turn_rad + model.heading_rate * travel_m,
+      wheel_rate * std::abs(distances_m(1)) + input.coasting_variance_m2, slope_rate * travel_m,
+      slope_rate * travel_m, model.turn_rate * turn_rad + model.heading_rate * travel_m,
       model.lateral_rate * travel_m, model.vertical_rate * travel_m;
   return v;
 }
@@ -155,7 +157,7 @@ Vec2 lag_lead(const Nominal& before, const Nominal& after, const TickInput& inpu
 
 void predict(FilterState& state, const TickInput& input, const MotionModel& model) {
   const Nominal before = state.nominal;
-  const NoiseVector variances = noise_variances(before, input, model);
+  const NoiseVector variances = noise_variances(state, input, model);
   const PlanarStep step = planar_step(scaled(input.wheels_m, before.wheel_scale), model.track_m);
   carry_rejected(state.rejected, step, variances, model.track_m);
 
@@ -166,6 +168,7 @@ void predict(FilterState& state, const TickInput& input, const MotionModel& mode
   const Eigen::Matrix<double, kStateDim, kNoiseDim> GV = j.G * variances.asDiagonal();
   state.P.noalias() += GV * j.G.transpose();
   state.P.diagonal().segment<2>(kTiltBias).array() += model.bias_rate * input.dt_s;
+  state.rough_m = std::max(0.0, state.rough_m - 0.5 * input.wheels_m.cwiseAbs().sum());
   state.P.diagonal().segment<2>(kWheelScale) += model.scale_rate * input.wheels_m.cwiseAbs();
   repair_covariance(state);
 }

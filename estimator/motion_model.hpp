@@ -43,6 +43,7 @@ struct MotionModel {
   double tilt_lag_s;
   double wheel_rate;     ///< m^2 per m, each wheel
   double slope_rate;     ///< rad^2 per m
+  double rough_slope_rate;  ///< the same where the slope is found to change
   double turn_rate;      ///< rad^2 per rad
   double heading_rate;   ///< rad^2 per m
   double lateral_rate;   ///< m^2 per m
@@ -78,7 +79,7 @@ Nominal propagate(const Nominal& before, const TickInput& input, const MotionMod
                   const NoiseVector& noise = NoiseVector::Zero());
 
 /// Variances of the noise inputs in this tick.
-NoiseVector noise_variances(const Nominal& before, const TickInput& input, const MotionModel& model);
+NoiseVector noise_variances(const FilterState& before, const TickInput& input, const MotionModel& model);
 
 /// Derivatives of propagate() by the error of `before` (F) and by the noise inputs (G).
 struct MotionJacobians {

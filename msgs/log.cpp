@@ -11,6 +11,7 @@
 
 #include "msgs/bytes.hpp"
 #include "msgs/log_codec.hpp"
+#include "msgs/stamp_check.hpp"
 
 namespace rosid::msgs {
 
@@ -106,6 +107,7 @@ struct LogReader::Impl {
   std::size_t begin = 0;
   std::uint64_t skipped = 0;
   bool at_end = false;  // of the file; the buffer may still hold bytes
+  StampCheck stamps;
 
   enum class Damage : std::uint8_t { None, CutOff, Garbled };
   Damage damage = Damage::None;  // the last bytes read were no event; not counted yet
@@ -193,7 +195,7 @@ std::optional<LogRecord> LogReader::next() {
     LcmReader header(head.first(kHeaderSize));
     const bool has_sync = header.get<std::uint32_t>() == kSync;
     static_cast<void>(header.get<std::int64_t>());
-    static_cast<void>(header.get<std::int64_t>());
+    const auto stamp_us = header.get<std::int64_t>();
     const auto channel_size = header.get<std::uint32_t>();
     const auto data_size = header.get<std::uint32_t>();
     if (!has_sync || channel_size == 0 || channel_size > kMaxChannel || data_size > kMaxData) {
@@ -218,8 +220,10 @@ std::optional<LogRecord> LogReader::next() {
     if (record.has_value() || (is_framed && !is_log_channel(channel))) {
       in.note_event();
       in.begin += event_size;
-      if (record.has_value()) { return record; }
-      continue;  // somebody else's channel
+      if (!record.has_value()) { continue; }  // somebody else's channel
+      if (in.stamps.is_good(stamp_us, record->t)) { return record; }
+      ++in.skipped;
+      continue;
     }
     in.note_damage(Impl::Damage::Garbled);
     if (is_framed) {

@@ -66,7 +66,7 @@ void VehicleSimulator::fine_step() {
   const double turn = (right - left) / calibration_.track_m;
   const Vec3 step(0.5 * (left + right), normal(config_.lateral_sigma_m_per_sqrt_m * std::sqrt(travel)),
                   normal(config_.vertical_sigma_m_per_sqrt_m * std::sqrt(travel)));
-  const Vec3 change(normal(slope), normal(slope), normal(heading));
+  const Vec3 change(normal(slope), normal(slope) - nose_up_radps * kFine_s, normal(heading));
   true_pose_.p += true_pose_.q * (so3_exp(Vec3(0.0, 0.0, 0.5 * turn)) * step);
   true_pose_.q = true_pose_.q * so3_exp(Vec3(0.0, 0.0, turn)) * so3_exp(change);
   true_pose_.q.normalize();

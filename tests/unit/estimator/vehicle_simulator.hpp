@@ -46,6 +46,8 @@ class VehicleSimulator {
   bool tilt_on = true;
   /// Added to what the wheels read, not to the motion: slip.
   double slip_left_mps = 0.0;
+  /// A ramp: the nose rises or, negative, falls, beyond what the noise of the terrain does.
+  double nose_up_radps = 0.0;
 
  private:
   void fine_step();
