@@ -41,6 +41,16 @@ void for_each_entry(Values& c, Plain plain, Angle angle) {
   plain("tilt_latency_s", std::span(&c.tilt_latency_s, 1));
 }
 
+/// The key a sentence of validate() is about, as it stands in the file; empty when it does not.
+std::string key_in(const TableReader& table, std::string_view problem) {
+  const std::size_t open = problem.find('\'');
+  const std::string name(problem.substr(open + 1, problem.find('\'', open + 1) - open - 1));
+  for (const char* suffix : {"", "_deg", "_rad"}) {
+    if (table.has(name + suffix)) { return name + suffix; }
+  }
+  return name;
+}
+
 }  // namespace
 
 void read_calibration(TableReader& table, Calibration& calibration) {
@@ -54,7 +64,9 @@ void read_calibration(TableReader& table, Calibration& calibration) {
         }
       },
       [&](std::string_view name, std::span<double> values) { table.angles(name, values); });
-  for (const std::string& problem : validate(calibration)) { table.issue("[calibration]: " + problem); }
+  for (const std::string& problem : validate(calibration)) {
+    table.issue_at(key_in(table, problem), "[calibration]: " + problem);
+  }
 }
 
 std::string calibration_entries(const Calibration& calibration) {

@@ -55,6 +55,7 @@ void visit_fields(Visitor& v, hal::EncoderConfig& c, bool is_turret) {
   v.boolean("reversed", c.reversed);
   v.number("silence_limit_s", c.silence_limit_s);
   visit_signal(v, c.signal);
+  v.integer("signal_range", c.signal.range);
 }
 
 template <typename Visitor>

@@ -112,7 +112,8 @@ int main(int argc, char** argv) {
     cli.footer(
         "Example: rosid --config vehicle.toml --state-dir /tmp/drive\n"
         "Exit codes: 0 stopped by SIGTERM or SIGINT, 64 wrong command line, 69 another rosid uses the state\n"
-        "directory, 73 a file cannot be written, 77 not permitted, 78 wrong configuration.");
+        "directory, 70 internal error, 73 a file cannot be written, 77 not permitted or no real-time scheduling,\n"
+        "78 wrong configuration.");
     try {
       cli.parse(argc, argv);
     } catch (const CLI::ParseError& error) { return cli.exit(error) == 0 ? EXIT_SUCCESS : kExitUsage; }

@@ -130,6 +130,7 @@ std::string to_run_json(const RunSummary& summary) {
   }
   json["assembler"] = {{"lines_used", summary.assembler.lines_used},
                        {"lines_without_angle", summary.assembler.lines_without_angle},
+                       {"turret_samples_uncertain", summary.assembler.samples_uncertain},
                        {"lines_without_pose", summary.assembler.lines_without_pose},
                        {"images", summary.assembler.images},
                        {"images_dropped", summary.assembler.images_dropped}};

@@ -119,9 +119,9 @@ NoiseVector noise_variances(const FilterState& before, const TickInput& input, c
   const double wheel_rate = model.wheel_rate * input.wheel_noise_factor;
   NoiseVector v;
   v << wheel_rate * std::abs(distances_m(0)) + input.coasting_variance_m2,
-      wheel_rate * std::abs(distances_m(1)) + input.coasting_variance_m2, slope_rate * travel_m,
-      slope_rate * travel_m, model.turn_rate * turn_rad + model.heading_rate * travel_m,
-      model.lateral_rate * travel_m, model.vertical_rate * travel_m;
+      wheel_rate * std::abs(distances_m(1)) + input.coasting_variance_m2, slope_rate * travel_m, slope_rate * travel_m,
+      model.turn_rate * turn_rad + model.heading_rate * travel_m, model.lateral_rate * travel_m,
+      model.vertical_rate * travel_m;
   return v;
 }
 

@@ -41,15 +41,15 @@ struct MotionModel {
 
   double track_m;
   double tilt_lag_s;
-  double wheel_rate;     ///< m^2 per m, each wheel
-  double slope_rate;     ///< rad^2 per m
+  double wheel_rate;        ///< m^2 per m, each wheel
+  double slope_rate;        ///< rad^2 per m
   double rough_slope_rate;  ///< the same where the slope is found to change
-  double turn_rate;      ///< rad^2 per rad
-  double heading_rate;   ///< rad^2 per m
-  double lateral_rate;   ///< m^2 per m
-  double vertical_rate;  ///< m^2 per m
-  double scale_rate;     ///< per m
-  double bias_rate;      ///< per s
+  double turn_rate;         ///< rad^2 per rad
+  double heading_rate;      ///< rad^2 per m
+  double lateral_rate;      ///< m^2 per m
+  double vertical_rate;     ///< m^2 per m
+  double scale_rate;        ///< per m
+  double bias_rate;         ///< per s
 };
 
 /// Process noise inputs: wheel distances left and right (m), slope about x and y (rad), heading (rad), lateral and

@@ -54,11 +54,11 @@ struct FilterState {
   Nominal nominal;
   StateMatrix P = StateMatrix::Zero();
   RejectedFixes rejected;
-  int tilt_rejections = 0;          ///< in a row
-  Vec2 tilt_trend = Vec2::Zero();   ///< the inclinometer's innovations, low-passed
+  int tilt_rejections = 0;           ///< in a row
+  Vec2 tilt_trend = Vec2::Zero();    ///< the inclinometer's innovations, low-passed
   double tilt_trend_variance = 0.0;  ///< of each component of it, were the innovations white
-  double rough_m = 0.0;             ///< way for which the terrain's slope still counts as changing
-  std::uint32_t tilt_readings = 0;  ///< used so far
+  double rough_m = 0.0;              ///< way for which the terrain's slope still counts as changing
+  std::uint32_t tilt_readings = 0;   ///< used so far
   std::uint32_t fixes_applied = 0;
   bool attitude_set = false;
   bool is_initialised = false;

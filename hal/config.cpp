@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <string>
 #include <utility>
 
@@ -97,21 +96,99 @@ void check_gpio(Problems& problems, const HalConfig& config) {
   }
 }
 
-/// Nothing to say about a sensor that is a CANopen node.
-void check_signal(Problems& problems, const std::string& key, const SignalConfig& signal,
-                  std::initializer_list<int> offsets_bits) {
-  if (signal.id == 0) { return; }
+/// A value in a plain frame, with the key that says where it starts.
+struct Signal {
+  std::string sensor;
+  std::string offset_key;
+  SignalConfig config;  ///< its offset is this value's
+};
+
+bool has_valid_length(const SignalConfig& signal) {
+  return signal.length_bits >= 4 && signal.length_bits <= 32;
+}
+
+bool lies_in_frame(const SignalConfig& signal) {
+  constexpr int kFrameBits = 64;
+  return signal.offset_bits >= 0 && signal.offset_bits < kFrameBits && has_valid_length(signal) &&
+         signal.offset_bits + signal.length_bits <= kFrameBits;
+}
+
+/// What a sensor in plain frames reads; none for a CANopen node.
+std::vector<Signal> signals_of(const std::string& key, const EncoderConfig& encoder) {
+  if (!is_on_can(encoder) || encoder.signal.id == 0) { return {}; }
+  return {{key, "signal_offset_bits", encoder.signal}};
+}
+
+std::vector<Signal> signals_of(const TiltConfig& tilt) {
+  if (!is_on_can(tilt) || tilt.signal.id == 0) { return {}; }
+  SignalConfig lateral = tilt.signal;
+  lateral.offset_bits = tilt.signal_lateral_offset_bits;
+  return {{"tilt", "signal_offset_bits", tilt.signal}, {"tilt", "signal_lateral_offset_bits", lateral}};
+}
+
+void check_signals(Problems& problems, const std::vector<Signal>& signals) {
+  if (signals.empty()) { return; }
+  const std::string& key = signals.front().sensor;
+  const SignalConfig& signal = signals.front().config;
   const int most = signal.extended ? 0x1FFFFFFF : 0x7FF;
   if (signal.id < 0 || signal.id > most) {
     problems.push_back(key + ".signal_id must be an identifier of 11 bits, or of 29 when it is extended");
   }
-  if (signal.length_bits < 4 || signal.length_bits > 32) {
+  if (!has_valid_length(signal)) {
     problems.push_back(key + ".signal_length_bits must lie between 4 and 32");
+    return;
   }
-  const bool fits = std::all_of(offsets_bits.begin(), offsets_bits.end(), [&signal](int offset_bits) {
-    return offset_bits >= 0 && offset_bits <= 64 - signal.length_bits;
+  for (const Signal& each : signals) {
+    if (lies_in_frame(each.config)) { continue; }
+    problems.push_back(key + "." + each.offset_key + " must leave the whole signal within the 64 bits of a frame");
+  }
+  if (signal.range < 0 || signal.range == 1 || range_of(signal) > std::int64_t{1} << signal.length_bits) {
+    problems.push_back(key + ".signal_range must be 0, or 2 to what " + std::to_string(signal.length_bits) +
+                       " bits can count");
+  }
+}
+
+/// The turret's angle is known again after a gap only when the position wraps at whole turns. 32 bits are taken for a
+/// position that never wraps.
+void check_turret_range(Problems& problems, const EncoderConfig& turret) {
+  const SignalConfig& signal = turret.signal;
+  if (signal.id == 0 || !has_valid_length(signal) || (signal.range == 0 && signal.length_bits == 32)) { return; }
+  const double turns = static_cast<double>(range_of(signal)) / turret.counts_per_turn;
+  if (!(turns >= 1.0) || std::abs(turns - std::round(turns)) > 1e-9 * turns) {
+    problems.push_back("turret.signal_range must be a whole number of turns of turret.counts_per_turn, and is " +
+                       std::to_string(range_of(signal)));
+  }
+}
+
+/// Bits of a frame that a signal uses.
+std::uint64_t bits_of(const SignalConfig& signal) {
+  std::uint64_t bits = 0;
+  for (int k = signal.offset_bits; k < signal.offset_bits + signal.length_bits; ++k) {
+    const int within = signal.order == ByteOrder::Little ? k % 8 : 7 - (k % 8);
+    bits |= std::uint64_t{1} << static_cast<unsigned>((8 * (k / 8)) + within);
+  }
+  return bits;
+}
+
+void check_overlap(Problems& problems, const std::vector<Signal>& signals) {
+  for (std::size_t i = 0; i < signals.size(); ++i) {
+    for (std::size_t j = i + 1; j < signals.size(); ++j) {
+      const SignalConfig& a = signals[i].config;
+      const SignalConfig& b = signals[j].config;
+      const bool is_same_frame = a.id == b.id && a.extended == b.extended;
+      if (!is_same_frame || !lies_in_frame(a) || !lies_in_frame(b) || (bits_of(a) & bits_of(b)) == 0) { continue; }
+      problems.push_back(signals[j].sensor + "." + signals[j].offset_key + " must not share bits with " +
+                         signals[i].sensor + "." + signals[i].offset_key + " in frame " + std::to_string(a.id));
+    }
+  }
+}
+
+/// A CANopen node sends and is sent frames of identifiers made from its number.
+bool is_of_node(const SignalConfig& signal, int node_id) {
+  constexpr std::array kFunctions{0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x600, 0x700};
+  return !signal.extended && node_id != 0 && std::any_of(kFunctions.begin(), kFunctions.end(), [&](int function) {
+    return signal.id == function + node_id;
   });
-  if (!fits) { problems.push_back(key + ": the signal must lie within the 64 bits of a frame"); }
 }
 
 /// Number of the CANopen node, 0 for none.
@@ -120,7 +197,7 @@ int node_of(const Sensor& sensor) {
   return is_on_can(sensor) && sensor.signal.id == 0 ? sensor.node_id : 0;
 }
 
-void check_distinct_nodes(Problems& problems, const HalConfig& config) {
+void check_identifiers(Problems& problems, const HalConfig& config) {
   const std::array<std::pair<const char*, int>, 4> nodes{{
       {"wheel_left", node_of(config.wheel_left)},
       {"wheel_right", node_of(config.wheel_right)},
@@ -134,6 +211,19 @@ void check_distinct_nodes(Problems& problems, const HalConfig& config) {
       }
     }
   }
+  std::vector<Signal> all;
+  for (const std::vector<Signal>& some :
+       {signals_of("wheel_left", config.wheel_left), signals_of("wheel_right", config.wheel_right),
+        signals_of("turret", config.turret), signals_of(config.tilt)}) {
+    check_signals(problems, some);
+    for (const auto& [name, node_id] : nodes) {
+      if (some.empty() || !is_of_node(some.front().config, node_id)) { continue; }
+      problems.push_back(some.front().sensor + ".signal_id must not be one of those of the CANopen node " + name +
+                         ".node_id");
+    }
+    all.insert(all.end(), some.begin(), some.end());
+  }
+  check_overlap(problems, all);
 }
 
 /// Hexadecimal digits only.
@@ -184,18 +274,17 @@ std::vector<std::string> validate(const HalConfig& config) {
     if (!encoder->enabled) { continue; }
     const bool is_plain = encoder->signal.id != 0;
     if (is_on_can(*encoder) && !is_plain) { check_node_id(problems, key, encoder->node_id); }
-    if (is_on_can(*encoder)) { check_signal(problems, key, encoder->signal, {encoder->signal.offset_bits}); }
     check_silence_limit(problems, key, encoder->silence_limit_s);
   }
   if (is_on_gpio(config.turret)) { check_gpio(problems, config); }
   if (is_on_can(config.turret) &&
       !(config.turret.counts_per_turn >= 1.0 && std::isfinite(config.turret.counts_per_turn))) {
     problems.emplace_back("turret.counts_per_turn must be at least 1: the counts of one turret revolution");
+  } else if (is_on_can(config.turret)) {
+    check_turret_range(problems, config.turret);
   }
   if (config.tilt.enabled) {
     if (config.tilt.signal.id == 0) { check_node_id(problems, "tilt", config.tilt.node_id); }
-    check_signal(problems, "tilt", config.tilt.signal,
-                 {config.tilt.signal.offset_bits, config.tilt.signal_lateral_offset_bits});
     // Not "scale == 0": that would let NaN pass.
     const double scale_deg = std::abs(config.tilt.signal_scale_deg);
     if (!(scale_deg > 0.0 && scale_deg <= 180.0)) {
@@ -203,7 +292,7 @@ std::vector<std::string> validate(const HalConfig& config) {
     }
     check_silence_limit(problems, "tilt", config.tilt.silence_limit_s);
   }
-  check_distinct_nodes(problems, config);
+  check_identifiers(problems, config);
   return problems;
 }
 

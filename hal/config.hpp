@@ -55,9 +55,16 @@ struct SignalConfig {
   int offset_bits = 0;  ///< as extract_bits() counts them, from the value's end that the order names
   int length_bits = 32;
   ByteOrder order = ByteOrder::Little;
+  /// Of a position: it runs from 0 to range - 1. 0: to the end of its bits.
+  int range = 0;
 };
 
-/// One CiA 406 encoder, a position in a plain frame that wraps at its length, or the turret's incremental encoder on
+/// Positions a signal can have; its length lies between 0 and 32.
+constexpr std::int64_t range_of(const SignalConfig& signal) {
+  return signal.range > 0 ? signal.range : std::int64_t{1} << static_cast<unsigned>(signal.length_bits);
+}
+
+/// One CiA 406 encoder, a position in a plain frame that wraps at its range, or the turret's incremental encoder on
 /// GPIO lines.
 struct EncoderConfig {
   bool enabled = true;

@@ -18,6 +18,8 @@ constexpr Duration kPatience{1'500'000'000};
 constexpr Duration kClockJump{1'000'000'000};
 /// A half turn without a usable line for this long has stopped.
 constexpr Duration kStandstill{2'000'000'000};
+/// About a third of the smallest angle between two lines of a dense image.
+constexpr double kMaxTurretSigma_rad = 0.005;
 constexpr double kMaxTurretRate_rad_per_s = 6.0 * kPi;
 /// Readings that had to wait come in one batch, with stamps next to each other.
 constexpr double kStampSlack_s = 0.05;
@@ -91,6 +93,11 @@ void Assembler::add(const TurretSample& sample) {
   const bool jumped = !turret_.empty() && sample.t + kClockJump < turret_.back().t;
   if (!std::isfinite(u_rad) || std::abs(u_rad) > 1e9 || (!turret_.empty() && sample.t <= turret_.back().t && !jumped)) {
     ++counters_.samples_ignored;
+    return;
+  }
+  // Not "sigma > limit": that would let NaN pass.
+  if (!(sample.sigma_rad <= std::max(kMaxTurretSigma_rad, 3.0 * calibration_.turret_sigma_rad))) {
+    ++counters_.samples_uncertain;
     return;
   }
   std::uint32_t epoch = 0;

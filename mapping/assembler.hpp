@@ -19,11 +19,12 @@ struct AssemblerCounters {
   std::uint64_t lines_used = 0;
   std::uint64_t lines_without_angle = 0;  ///< no turret samples on both sides, or a restart between them
   std::uint64_t lines_without_pose = 0;
-  std::uint64_t lines_malformed = 0;   ///< impossible raster or time; never used
-  std::uint64_t lines_redundant = 0;   ///< turret stood still or moved less than a half turn / max_lines
-  std::uint64_t lines_overflowed = 0;  ///< pushed out of the waiting room
-  std::uint64_t lines_blank = 0;       ///< empty lines put where telegrams were lost
-  std::uint64_t samples_ignored = 0;   ///< turret samples out of order or not finite
+  std::uint64_t lines_malformed = 0;    ///< impossible raster or time; never used
+  std::uint64_t lines_redundant = 0;    ///< turret stood still or moved less than a half turn / max_lines
+  std::uint64_t lines_overflowed = 0;   ///< pushed out of the waiting room
+  std::uint64_t lines_blank = 0;        ///< empty lines put where telegrams were lost
+  std::uint64_t samples_ignored = 0;    ///< turret samples out of order or not finite
+  std::uint64_t samples_uncertain = 0;  ///< turret samples whose angle is known too badly for a map
   std::uint64_t images = 0;
   std::uint64_t images_dropped = 0;  ///< closed with too few lines, incomplete, or torn by a turret restart or stop
 };

@@ -10,9 +10,10 @@
 
 namespace rosid::msgs {
 
-/// The writer of a log adds one offset to the vehicle clock to make the stamps of all events, so a record whose own time
-/// does not fit its stamp as those before it did has a damaged time or a damaged stamp. Two records in a row that agree
-/// with each other mean another offset instead: a log that another program recorded again. One thread; no allocation.
+/// The writer of a log adds one offset to the vehicle clock to make the stamps of all events, so a record whose own
+/// time does not fit its stamp as those before it did has a damaged time or a damaged stamp. Two records in a row that
+/// agree with each other mean another offset instead: a log that another program recorded again. One thread; no
+/// allocation.
 class StampCheck {
  public:
   /// For records in file order. Whether the record's time can be believed.

@@ -5,7 +5,6 @@ namespace rosid::hal {
 namespace {
 // Motion since the last reading is only known to this; covers the jitter of stamps.
 constexpr double kSlack_s = 0.05;
-constexpr double kGap_s = 0.1;
 // After so many refused positions in a row the encoder is right and the memory wrong.
 constexpr int kMostJumps = 5;
 }  // namespace
@@ -47,9 +46,8 @@ CountUnwrapper::Outcome CountUnwrapper::update(Time t, std::uint32_t position) {
     step += range;
   }
   const double elapsed_s = to_s(t - t_);
-  // After a long gap the counter may have gone round unseen.
-  const bool is_gap = elapsed_s > kGap_s;
-  if (is_gap && 2.0 * max_rate_ * elapsed_s >= static_cast<double>(range_)) { return start_at(t, position); }
+  // In this time the counter may have gone round unseen.
+  if (2.0 * max_rate_ * elapsed_s >= static_cast<double>(range_)) { return start_at(t, position); }
   if (static_cast<double>(step < 0 ? -step : step) > max_rate_ * (elapsed_s + kSlack_s)) {
     return on_jump(t, position);
   }

@@ -53,7 +53,6 @@ void Node::begin(Time now) {
   phase_ = Phase::Setup;
   has_answered_ = false;
   tpdo1_entry_ = cob::kTpdo1 + static_cast<std::uint32_t>(node_id_);
-  is_mapping_wrong_ = false;
   step_ = 0;
   tries_ = 0;
   send_nmt(NmtCommand::PreOperational);
@@ -200,9 +199,14 @@ void Node::on_sdo(Time now, const CanFrame& frame) {
     const SetupStep& step = steps_[step_];
     // Of the number of entries the first ones are of use; more may follow.
     const bool is_enough = step.object == kTpdo1Mapped ? message->value >= step.value : message->value == step.value;
-    if (step.kind == SetupStep::Kind::ReadMapping && !is_enough) { is_mapping_wrong_ = true; }
+    // The number of entries is the first that is read of the mapping.
+    const bool was_wrong = is_mapping_wrong_ && step.object != kTpdo1Mapped;
+    if (step.kind == SetupStep::Kind::ReadMapping) { is_mapping_wrong_ = was_wrong || !is_enough; }
     actions_.on_object(message->object, message->value);
   }
+  const SetupStep& step = steps_[step_];
+  const bool is_in_use = step.object == kTpdo1Mapped && step.value != 0;
+  if (is_done && step.kind == SetupStep::Kind::WriteMapping && is_in_use) { is_mapping_wrong_ = false; }
   next_step(now, !is_done);
 }
 
@@ -216,6 +220,7 @@ void Node::on_heartbeat(Time now, const CanFrame& frame) {
   if (node_state == static_cast<std::uint8_t>(NodeState::BootUp)) {
     ++counters_.reboots;
     emergency_ = 0;
+    is_mapping_wrong_ = false;  // it may be another device
     actions_.on_reboot();
     begin(now);
     return;
@@ -248,7 +253,9 @@ void Node::on_data(Time t, const CanFrame& frame) {
   t_last_frame_ = t;
   last_data_ = frame.data;
   last_length_ = frame.length;
-  const Verdict verdict = actions_.on_process_data(t, std::span(frame.data).first(frame.length));
+  // Data known to be mapped otherwise are not what they would be taken for.
+  const Verdict verdict =
+      is_mapping_wrong_ ? Verdict::Malformed : actions_.on_process_data(t, std::span(frame.data).first(frame.length));
   has_delivered_ = true;
   switch (verdict) {
     case Verdict::Accepted:
@@ -298,7 +305,11 @@ const char* Node::detail() const {
       if (pause_ > kPauseMin) { break; }  // not the first attempt
       if (plain_) { return "no frame with this identifier yet"; }
       return phase_ == Phase::Setup ? "setting up by SDO" : "started, no process data yet";
-    case Phase::Running: return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
+    case Phase::Running:
+      if (is_mapping_wrong_) {
+        return "its process data are mapped otherwise (1A00h), and it does not let them be mapped";
+      }
+      return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
     case Phase::BackOff: break;
   }
   if (plain_) { return "no frame with this identifier; check signal_id, bit rate and termination"; }

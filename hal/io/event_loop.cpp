@@ -91,6 +91,10 @@ Duration EventLoop::until_due(Duration most) const {
 }
 
 EventLoop::Ready EventLoop::await(Duration max_wait) {
+  // Every other turn, however much the others have to say; not every turn, for its handler may leave it at rest.
+  const bool is_its_turn = resting_.fd != -1 && !had_resting_turn_ && until_due(Duration::max()) <= Duration{0};
+  had_resting_turn_ = is_its_turn;
+  if (is_its_turn) { return {.outcome = {}, .handler = resting_.handler, .events = EPOLLIN}; }
   // One event a call: a handler may close what a later event of the same batch would refer to.
   epoll_event event{};
   const Duration wait = std::max(until_due(max_wait), Duration{0});

@@ -72,6 +72,7 @@ class EventLoop {
   UniqueFd timer_;
   UniqueFd wake_;
   Resting resting_;
+  bool had_resting_turn_ = false;
 };
 
 }  // namespace rosid::hal

@@ -38,6 +38,17 @@ ExitCode run(const ReplayCommand& command) {
   if (const auto written = daemon::write_run(*result, command.out); !written) {
     return fail("replay", written.error());
   }
+  if (result->summary.views.empty()) {
+    fmt::print(
+        stderr,
+        "rosi replay: no view in {}: the laser, the turret or the pose is missing in it; run.json counts what came "
+        "from each device\n",
+        command.log.string());
+  }
+  if (result->summary.log_skipped > 0) {
+    fmt::print(stderr, "rosi replay: {} damaged records of {} were skipped\n", result->summary.log_skipped,
+               command.log.string());
+  }
   if (command.json) {
     fmt::print("{}\n", daemon::to_run_json(result->summary));
     return ExitCode::Ok;

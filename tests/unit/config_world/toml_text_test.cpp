@@ -59,14 +59,14 @@ TEST(CalibrationToml, EveryValueReadsBackToTheSameHash) {
   EXPECT_EQ(calibration_hash(read), calibration_hash(calibration));
 }
 
-TEST(CalibrationToml, BrokenRulesAreIssuesOfTheTable) {
+TEST(CalibrationToml, BrokenRulesAreIssuesAtTheirValues) {
   TomlDocument document("\n[calibration]\ntrack_m = 0\nturret_zero_deg = 5\nrange_sigma = 1\n", "f");
   TableReader table = document.root().table("calibration");
   Calibration calibration;
   read_calibration(table, calibration);
   const auto issues = document.finish();
   ASSERT_EQ(issues.size(), 2U);
-  EXPECT_EQ(to_string(issues[0]), "f:2:1: [calibration]: 'track_m' must be greater than zero");
+  EXPECT_EQ(to_string(issues[0]), "f:3:11: [calibration]: 'track_m' must be greater than zero");
   EXPECT_EQ(to_string(issues[1]), "f:5:1: unknown key 'calibration.range_sigma': did you mean 'range_sigma_m'?");
   EXPECT_EQ(calibration.turret_zero_rad, rad_from_deg(5.0));
 }

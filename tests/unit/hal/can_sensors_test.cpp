@@ -54,6 +54,8 @@ class FakeNode {
       answers.push_back(co::sdo_abort(co::cob::kSdoAnswer, id_, message->object, 0x06020000));
     } else if (message->kind == co::SdoMessage::Kind::Read) {
       answers.push_back(co::sdo_read_answer(id_, message->object, found->second.value, found->second.size));
+    } else if (is_mapping_fixed && message->object.index == co::kTpdo1Mapped.index) {
+      answers.push_back(co::sdo_abort(co::cob::kSdoAnswer, id_, message->object, 0x06010002));
     } else {
       if (message->object.index == co::kTpdo1Mapped.index) {
         ++mapping_writes;
@@ -84,6 +86,7 @@ class FakeNode {
   bool is_alive = true;
   bool answers_sdo = true;
   bool is_operational = false;
+  bool is_mapping_fixed = false;
   int nmt = 0;
   int mapping_writes = 0;
   int writes_while_on = 0;  // of these
@@ -278,6 +281,22 @@ TEST(CanSensors, AMappingThatWasLeftHalfWrittenIsFinished) {
   EXPECT_EQ(vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)].value, 1U);
   EXPECT_EQ(vehicle.turret.mapping_writes, 3);
   EXPECT_EQ(vehicle.tilt.mapping_writes, 0);
+}
+
+TEST(CanSensors, ValuesOfAMappingThatCannotBeChangedAreNoPositions) {
+  Vehicle vehicle;
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)] = {1, 1};
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1First)] = {0x60300110U, 4};  // speed
+  vehicle.turret.is_mapping_fixed = true;
+  vehicle.bench.front_end.on_can_link(vehicle.bench.now, true);
+  vehicle.run(3.0);
+  EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Faulty);
+  EXPECT_THAT(vehicle.bench.front_end.detail(Device::Turret), testing::HasSubstr("1A00h"));
+  const auto refused = vehicle.bench.health(Device::Turret).format_errors;
+  EXPECT_GT(refused, 10U);
+  vehicle.bench.turret.clear();
+  vehicle.run(1.0);
+  EXPECT_TRUE(vehicle.bench.turret.empty());
 }
 
 TEST(CanSensors, ARebootIsSetUpAgainAndTheCountMarkedLost) {

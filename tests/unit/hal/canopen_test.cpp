@@ -91,6 +91,17 @@ TEST(CountUnwrapper, WrapsInBothDirections) {
   }
 }
 
+// A position of few bits goes round in less time than a gap of three frames.
+TEST(CountUnwrapper, AHoleInWhichAShortCounterMayHaveGoneRoundIsALoss) {
+  CountUnwrapper counter(CountUnwrapper::Kind::Incremental, 1e5);
+  counter.set_range(4096);
+  ASSERT_EQ(counter.update(time_from_s(1.0), 0), CountUnwrapper::Outcome::Accepted);
+  ASSERT_EQ(counter.update(time_from_s(1.01), 1000), CountUnwrapper::Outcome::Accepted);
+  EXPECT_FALSE(counter.was_lost());
+  ASSERT_EQ(counter.update(time_from_s(1.05), 904), CountUnwrapper::Outcome::Accepted);  // 4000 counts later
+  EXPECT_TRUE(counter.was_lost());
+}
+
 TEST(CountUnwrapper, SpikesAreRefusedAndALostCountIsRecognised) {
   CountUnwrapper counter(CountUnwrapper::Kind::Incremental, 20000.0);
   Time t = time_from_s(1.0);

@@ -214,6 +214,38 @@ TEST(EventLoopTest, ReportsDescriptorsTimerAndWakeUps) {
   loop->unwatch(reader.get());
 }
 
+TEST(EventLoopTest, ARestingDescriptorGetsItsTurnBesideABusyOne) {
+  static Time now = time_from_s(1.0);
+  auto loop = EventLoop::create(std::chrono::seconds(100), [] { return now; });
+  ASSERT_TRUE(loop);
+  int resting[2];
+  int busy[2];
+  ASSERT_EQ(::pipe2(resting, O_CLOEXEC | O_NONBLOCK), 0);
+  ASSERT_EQ(::pipe2(busy, O_CLOEXEC | O_NONBLOCK), 0);
+  const std::array<UniqueFd, 4> owners{UniqueFd(resting[0]), UniqueFd(resting[1]), UniqueFd(busy[0]),
+                                       UniqueFd(busy[1])};
+  /// Reads nothing, so that it is ready for ever.
+  struct Idle final : EventHandler {
+    void on_event(std::uint32_t /*events*/) override { ++count; }
+    int count = 0;
+  };
+  Idle at_rest;
+  Idle ready;
+  ASSERT_TRUE(loop->watch(resting[0], EPOLLIN, at_rest));
+  ASSERT_TRUE(loop->watch(busy[0], EPOLLIN, ready));
+  ASSERT_EQ(::write(busy[1], "x", 1), 1);
+  loop->rest(resting[0], at_rest, std::chrono::milliseconds(4));
+  for (int k = 0; k < 10; ++k) { static_cast<void>(loop->wait(std::chrono::seconds(1))); }
+  EXPECT_EQ(at_rest.count, 0);
+  EXPECT_EQ(ready.count, 10);
+  now += std::chrono::milliseconds(4);
+  for (int k = 0; k < 10; ++k) { static_cast<void>(loop->wait(std::chrono::seconds(1))); }
+  EXPECT_EQ(at_rest.count, 5);
+  EXPECT_EQ(ready.count, 15);
+  loop->unwatch(resting[0]);
+  loop->unwatch(busy[0]);
+}
+
 TEST(EventLoopTest, ARestingDescriptorIsLookedAtAfterItsPauseAndWhenItHangsUp) {
   auto loop = EventLoop::create(std::chrono::seconds(100), monotonic_now);
   ASSERT_TRUE(loop);

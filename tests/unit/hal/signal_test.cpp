@@ -63,6 +63,7 @@ HalConfig plain_sensors() {
   config.wheel_left.signal = {.id = 0x120, .offset_bits = 0, .length_bits = 16};
   config.wheel_right.signal = {.id = 0x120, .offset_bits = 16, .length_bits = 16};
   config.turret.signal = {.id = 0x18FF0203, .extended = true, .length_bits = 24, .order = ByteOrder::Big};
+  config.turret.signal.range = 466 * 36000;
   config.tilt.signal = {.id = 0x130, .offset_bits = 8, .length_bits = 12, .order = ByteOrder::Big};
   config.tilt.signal_lateral_offset_bits = 20;
   config.tilt.signal_scale_deg = 0.05;
@@ -134,12 +135,72 @@ TEST(PlainSensors, ConfigurationsThatCannotBeAreNamed) {
   config.tilt.signal_scale_deg = std::nan("");
   EXPECT_THAT(validate(config),
               testing::IsSupersetOf({HasSubstr("wheel_left.signal_id"), HasSubstr("wheel_right.signal_length_bits"),
-                                     HasSubstr("turret: the signal"), HasSubstr("tilt.signal_scale_deg")}));
+                                     HasSubstr("turret.signal_offset_bits"), HasSubstr("tilt.signal_scale_deg")}));
+  config.wheel_right.signal.length_bits = std::numeric_limits<int>::min();
+  EXPECT_THAT(validate(config), testing::Contains(HasSubstr("wheel_right.signal_length_bits")));
   // Node numbers mean nothing then.
   config = plain_sensors();
   config.wheel_right.node_id = config.wheel_left.node_id;
   config.tilt.node_id = 0;
   EXPECT_TRUE(validate(config).empty());
+}
+
+TEST(PlainSensors, TwoValuesDoNotShareBits) {
+  HalConfig config = plain_sensors();
+  config.wheel_right.signal.offset_bits = 15;
+  EXPECT_THAT(validate(config), testing::ElementsAre(HasSubstr("wheel_right.signal_offset_bits must not share bits")));
+  config.wheel_right.signal.extended = true;  // another frame
+  EXPECT_TRUE(validate(config).empty());
+  config = plain_sensors();
+  config.tilt.signal_lateral_offset_bits = 10;
+  EXPECT_THAT(validate(config), testing::ElementsAre(HasSubstr("tilt.signal_lateral_offset_bits must not share")));
+  // Bits 0 to 15 of one order are bytes 0 and 1 of the other too.
+  config = plain_sensors();
+  config.wheel_right.signal = {.id = 0x120, .offset_bits = 8, .length_bits = 4, .order = ByteOrder::Big};
+  EXPECT_THAT(validate(config), testing::ElementsAre(HasSubstr("wheel_right.signal_offset_bits must not share bits")));
+}
+
+TEST(PlainSensors, IdentifiersOfCanopenNodesAreTaken) {
+  HalConfig config = plain_sensors();
+  config.tilt = {};  // the CANopen node 10
+  EXPECT_TRUE(validate(config).empty());
+  for (const int id : {0x18A, 0x58A, 0x70A, 0x8A}) {
+    config.turret.signal = {.id = id};
+    EXPECT_THAT(validate(config), testing::ElementsAre(HasSubstr("turret.signal_id"))) << id;
+  }
+  config.turret.signal.extended = true;
+  EXPECT_TRUE(validate(config).empty());
+}
+
+TEST(PlainSensors, ATurretWrapsAtWholeTurns) {
+  HalConfig config = plain_sensors();
+  config.turret.signal.range = 0;
+  EXPECT_THAT(validate(config), testing::ElementsAre(HasSubstr("turret.signal_range must be a whole number of turns")));
+  config.turret.signal.range = 36000;
+  EXPECT_TRUE(validate(config).empty());
+  config.turret.signal.range = 1 << 25;  // more than its bits
+  EXPECT_THAT(validate(config), testing::Contains(HasSubstr("turret.signal_range must be 0, or 2 to")));
+}
+
+TEST(PlainSensors, APositionWrapsAtItsRange) {
+  HalConfig config = plain_sensors();
+  config.tilt.enabled = false;
+  config.wheel_left.enabled = false;
+  config.wheel_right.enabled = false;
+  config.turret.signal = {.id = 0x140, .length_bits = 16, .range = 36000};
+  config.turret.counts_per_turn = 36000;
+  Bench bench(config);
+  bench.front_end.on_can_link(bench.now, true);
+  for (const unsigned position : {35900U, 35950U, 0U, 50U}) {
+    bench.run(0.01);
+    CanFrame frame{.id = 0x140, .length = 2};
+    frame.data[0] = static_cast<std::uint8_t>(position & 0xFFU);
+    frame.data[1] = static_cast<std::uint8_t>(position >> 8U);
+    bench.front_end.on_can_frame(bench.now, frame);
+  }
+  ASSERT_EQ(bench.turret.size(), 4U);
+  EXPECT_NEAR(bench.turret.back().angle_rad - bench.turret.front().angle_rad, 150.0 / 36000.0 * 2.0 * kPi, 1e-9);
+  EXPECT_FALSE(bench.turret.back().restarted);
 }
 
 }  // namespace

@@ -290,6 +290,25 @@ TEST(Assembler, MissingPosesAreCountedAndMemoryStaysBounded) {
   EXPECT_GT(assembler.counters().lines_without_pose, 4000U);
 }
 
+// An encoder without index that lost edges: a sharp image at a wrong angle would be a map that is sure of what it does
+// not know.
+TEST(Assembler, AnAngleThatNobodyKnowsMakesNoImage) {
+  Drive drive;
+  Assembler assembler(drive.config, drive.calibration);
+  for (const double sigma_rad : {0.2, std::numeric_limits<double>::quiet_NaN()}) {
+    TurretSample sample = drive.turret(1);
+    sample.sigma_rad = sigma_rad;
+    assembler.add(sample);
+  }
+  EXPECT_EQ(assembler.counters().samples_uncertain, 2U);
+  drive.calibration.turret_sigma_rad = 0.1;  // unless the whole encoder is said to be as bad
+  Assembler modest(drive.config, drive.calibration);
+  TurretSample sample = drive.turret(1);
+  sample.sigma_rad = 0.2;
+  modest.add(sample);
+  EXPECT_EQ(modest.counters().samples_uncertain, 0U);
+}
+
 TEST(Assembler, NonsenseIsCountedAndIgnored) {
   const Drive drive;
   Assembler assembler(drive.config, drive.calibration);

@@ -14,6 +14,7 @@
 #include <rosid/raw_laser_t.hpp>
 
 #include "msgs/log_codec.hpp"
+#include "msgs/stamp_check.hpp"
 #include "support/temporary_directory.hpp"
 
 namespace rosid::msgs {
@@ -226,6 +227,37 @@ TEST(Log, OneFlippedByteCostsAtMostOneEvent) {
     ASSERT_GE(read.payloads.size() + 1, records.size()) << "byte " << at;
     ASSERT_LE(read.payloads.size(), records.size()) << "byte " << at;
   }
+}
+
+// A damaged time would put off everything that follows.
+TEST(Log, ATimeThatDoesNotFitItsStampIsSkipped) {
+  const TemporaryDirectory directory;
+  const auto records = some_records();
+  const auto bytes = log_bytes(directory, records);
+  const auto before = log_bytes(directory, {records.begin(), records.begin() + 2}).size();
+  log_bytes(directory, records);
+  const std::size_t time = before + 28 + kChannelCan.size() + 8;  // behind the fingerprint; its most significant byte
+  for (const std::size_t at : {time, time + 1, time + 2, time + 3}) {
+    for (unsigned bit = 0; bit < 8; ++bit) {
+      put_byte(directory / "log", at, static_cast<char>(static_cast<unsigned char>(bytes[at]) ^ (1U << bit)));
+      const Read read = read_back(directory / "log");
+      put_byte(directory / "log", at, bytes[at]);
+      EXPECT_EQ(read.payloads.size() + 1, records.size()) << at << " " << bit;
+      EXPECT_EQ(read.skipped, 1U);
+    }
+  }
+}
+
+TEST(StampCheck, AnotherOffsetIsBelievedWhenItIsSaidTwice) {
+  StampCheck check;
+  EXPECT_TRUE(check.is_good(1'000'000, time_from_s(5.0)));
+  EXPECT_TRUE(check.is_good(2'050'000, time_from_s(6.0)));
+  EXPECT_FALSE(check.is_good(9'000'000, time_from_s(7.0)));
+  EXPECT_TRUE(check.is_good(10'000'000, time_from_s(8.0)));
+  EXPECT_TRUE(check.is_good(11'000'000, time_from_s(9.0)));
+  EXPECT_FALSE(check.is_good(std::numeric_limits<std::int64_t>::max(), time_from_ns(-5)));
+  EXPECT_FALSE(check.is_good(0, time_from_ns(std::numeric_limits<std::int64_t>::min())));
+  EXPECT_TRUE(check.is_good(12'000'000, time_from_s(10.0)));
 }
 
 TEST(Log, CountsDamageAndGoesOn) {
