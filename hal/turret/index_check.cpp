@@ -20,7 +20,25 @@ void IndexCheck::accept(std::int64_t position) {
   missed_in_a_row_ = 0;
 }
 
+void IndexCheck::measure(std::int64_t count) {
+  const std::int64_t spacing = has_index_ ? std::abs(count - last_index_) : 0;
+  // The same place once more is the turret going to and fro.
+  const bool is_turn = std::abs(spacing - counts_per_turn_) <= kTolerance;
+  const bool is_equal = spacing > kTolerance && std::abs(spacing - spacing_) <= 2 * kTolerance;
+  equal_spacings_ = is_turn || !is_equal ? 0 : equal_spacings_ + 1;
+  spacing_ = spacing;
+  has_index_ = true;
+}
+
 IndexCheck::Result IndexCheck::on_index(std::int64_t count) {
+  measure(count);
+  missed_in_a_row_ = 0;
+  const Result result = judge(count);
+  last_index_ = count + result.shift;
+  return result;
+}
+
+IndexCheck::Result IndexCheck::judge(std::int64_t count) {
   if (!is_found_) {
     accept(0);
     return {Verdict::Found, -count};

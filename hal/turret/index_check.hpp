@@ -38,11 +38,17 @@ class IndexCheck {
 
   bool is_found() const { return is_found_; }
   /// The count can be believed.
-  bool is_certain() const { return is_found_ && !is_doubtful_ && !has_candidate_ && !is_gone(); }
+  bool is_certain() const { return is_found_ && !is_doubtful_ && !has_candidate_ && !is_gone() && !is_turn_wrong(); }
   bool is_gone() const { return missed_in_a_row_ >= kMostMissed; }
+  /// The index comes again and again after the same number of counts, but not after those of a turn.
+  bool is_turn_wrong() const { return equal_spacings_ >= kMostMissed; }
+  /// Counts between the last two passes of the index, 0 before.
+  std::int64_t spacing() const { return spacing_; }
 
  private:
+  Result judge(std::int64_t count);
   void accept(std::int64_t position);
+  void measure(std::int64_t count);
   /// Distance to the nearest multiple of a turn.
   std::int64_t remainder(std::int64_t count) const;
 
@@ -54,6 +60,10 @@ class IndexCheck {
   bool has_count_ = false;
   std::int64_t last_ = 0;  // where the index was or should have been passed last
   int missed_in_a_row_ = 0;
+  bool has_index_ = false;
+  std::int64_t last_index_ = 0;  // where the index was passed last
+  std::int64_t spacing_ = 0;
+  int equal_spacings_ = 0;  // in a row, other than a turn
 };
 
 }  // namespace rosid::hal

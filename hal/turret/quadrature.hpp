@@ -112,6 +112,7 @@ class QuadratureDecoder {
   void resynchronise(const Pending& pending, bool a, bool b);
   void move(const Pending& pending, bool is_upwards);
   void watch_channels(EdgeLine line);
+  void name_wrong_turn();
   std::int64_t index_position(const Pending& pending) const;
   void apply(const IndexCheck::Result& result);
   void deliver(Time from, Time until);
@@ -127,6 +128,7 @@ class QuadratureDecoder {
   Duration shortest_pulse_;
   QuadratureCounters counters_;
   IndexCheck index_;
+  std::array<char, 128> wrong_turn_{};  // text
   AngleTrack track_;
 
   bool is_open_ = false;

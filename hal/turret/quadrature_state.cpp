@@ -1,5 +1,7 @@
 // What the decoder says about the encoder and its lines.
 
+#include <fmt/format.h>
+
 #include "hal/turret/quadrature.hpp"
 
 namespace rosid::hal {
@@ -8,8 +10,8 @@ DeviceState QuadratureDecoder::state() const {
   if (!is_open_) { return DeviceState::Absent; }
   if (!has_edge_) { return DeviceState::Connecting; }
   if (t_now_ - t_heard_ > config_.silence_limit) { return DeviceState::Silent; }
-  const bool is_faulty =
-      bad_stamps_in_a_row_ >= kWrongClock || is_storm() || is_channel_dead_ || (config_.has_index && index_.is_gone());
+  const bool is_faulty = bad_stamps_in_a_row_ >= kWrongClock || is_storm() || is_channel_dead_ ||
+                         (config_.has_index && (index_.is_gone() || index_.is_turn_wrong()));
   if (is_faulty) { return DeviceState::Faulty; }
   return may_deliver() ? DeviceState::Running : DeviceState::Configuring;
 }
@@ -37,7 +39,16 @@ const char* QuadratureDecoder::detail() const {
     return edges_alone_[0] >= kMostAlone ? "A changes, but B does not; check line B"
                                          : "B changes, but A does not; check line A";
   }
+  if (index_.is_turn_wrong()) { return wrong_turn_.data(); }
   return "the index does not come any more; check line Z";
+}
+
+void QuadratureDecoder::name_wrong_turn() {
+  const auto end = fmt::format_to_n(wrong_turn_.data(), wrong_turn_.size() - 1,
+                                    "the index comes every {} counts, turret.counts_per_turn says {}", index_.spacing(),
+                                    config_.counts_per_turn)
+                       .out;
+  *end = '\0';
 }
 
 }  // namespace rosid::hal

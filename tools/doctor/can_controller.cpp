@@ -68,9 +68,12 @@ std::optional<ControllerFacts> read_controller(const std::string& interface) {
 Findings judge_controller(const ControllerFacts& facts, int bitrate) {
   Findings findings{judge_state(facts, bitrate)};
   if (facts.bitrate && *facts.bitrate != bitrate) {
-    findings.push_back({Verdict::Fault, kSubject,
-                        fmt::format("{} runs at {} bit/s, {} are configured", facts.interface, *facts.bitrate, bitrate),
-                        set_up_command(facts, bitrate)});
+    // rosid does not set up an interface of the kernel; whether this rate is the bus's is seen by its frames.
+    findings.push_back(
+        {Verdict::Note, kSubject,
+         fmt::format("{} runs at {} bit/s, can.bitrate says {}", facts.interface, *facts.bitrate, bitrate),
+         fmt::format("set can.bitrate = {} if that is the rate of the bus; otherwise {}", *facts.bitrate,
+                     set_up_command(facts, bitrate))});
   }
   if (facts.restart_ms == 0) {
     findings.push_back({Verdict::Note, kSubject,

@@ -62,8 +62,8 @@ class EncoderRig final : public QuadratureDecoder::Listener {
   static constexpr std::int64_t kTurn = 4096;
   static constexpr std::int64_t kZ = 1000;
 
-  explicit EncoderRig(bool has_index = true)
-      : decoder({.counts_per_turn = kTurn, .has_index = has_index}, *this), encoder(kTurn, kZ) {
+  explicit EncoderRig(bool has_index = true, std::int64_t configured_turn = kTurn)
+      : decoder({.counts_per_turn = configured_turn, .has_index = has_index}, *this), encoder(kTurn, kZ) {
     decoder.on_link(now, true);
   }
 

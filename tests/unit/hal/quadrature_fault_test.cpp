@@ -49,6 +49,25 @@ TEST(QuadratureFaults, NamesBothChannelsWhenOnlyTheIndexComes) {
   EXPECT_THAT(rig.decoder.detail(), HasSubstr("neither A nor B"));
 }
 
+TEST(QuadratureFaults, ATurnOfAnotherNumberOfCountsIsNamed) {
+  for (const std::int64_t configured : {EncoderRig::kTurn / 4, EncoderRig::kTurn / 2, std::int64_t{4000},
+                                        2 * EncoderRig::kTurn, 4 * EncoderRig::kTurn}) {
+    EncoderRig rig(true, configured);
+    rig.turn(kRate_hz, 5.5 * kTurnTime_s);
+    EXPECT_EQ(rig.decoder.state(), DeviceState::Faulty) << configured;
+    EXPECT_THAT(rig.decoder.detail(),
+                HasSubstr("every 4096 counts, turret.counts_per_turn says " + std::to_string(configured)));
+    const std::size_t before = rig.readings.size();
+    rig.turn(kRate_hz, kTurnTime_s);
+    EXPECT_EQ(rig.readings.size(), before) << configured;
+  }
+  // To and fro over the index is no turn.
+  EncoderRig rig;
+  rig.turn(kRate_hz, 1.1 * kTurnTime_s);
+  for (int k = 0; k < 10; ++k) { rig.turn(k % 2 == 0 ? -kRate_hz : kRate_hz, 0.5 * kTurnTime_s); }
+  EXPECT_EQ(rig.decoder.state(), DeviceState::Running);
+}
+
 // R6
 TEST(QuadratureFaults, LinesThatComeBackStartAtTheNextIndex) {
   EncoderRig rig;
