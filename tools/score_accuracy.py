@@ -19,6 +19,7 @@ COLUMNS = [
     ("odometry_position_mean_m", "wheels cm", 100.0, 1),
     ("odometry_heading_mean_deg", "wheels deg", 1.0, 2),
     ("nees_mean", "nees", 1.0, 2),
+    ("position_max_sigma", "max sig", 1.0, 2),
     ("views", "views", 1.0, 0),
     ("patches", "patches", 1.0, 0),
     ("map_accurate_fraction", "map %", 100.0, 1),

@@ -73,6 +73,7 @@ Result<void> add_trajectory_scores(const EvalOptions& options, const Trajectory&
   report["nees_mean"] = consistency.nees_mean;
   report["nees_low"] = consistency.nees_low;
   report["nees_high"] = consistency.nees_high;
+  report["position_max_sigma"] = consistency.position_max_sigma;
   report["nees_samples"] = consistency.samples;
   return {};
 }
@@ -133,6 +134,7 @@ void print_table(const nlohmann::json& r) {
   row("relative error over 10 m", "rpe_percent", "%", 1.0, 2);
   row("wheels alone, position rms", "odometry_position_rmse_m", "cm", 100.0, 2);
   row("NEES (6 dof)", "nees_mean", "", 1.0, 2);
+  row("largest position error / sigma", "position_max_sigma", "", 1.0, 2);
   row("  95 % band, from", "nees_low", "", 1.0, 2);
   row("  to", "nees_high", "", 1.0, 2);
   row("views", "views", "", 1.0, 0);

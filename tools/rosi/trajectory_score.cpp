@@ -48,6 +48,17 @@ double relative_error_percent(const Trajectory& estimate, const Trajectory& trut
   return count == 0 ? std::numeric_limits<double>::quiet_NaN() : 100.0 * sum / count;
 }
 
+/// Largest component of the position error over its own deviation; 0 where there is none.
+double error_in_sigmas(const RigidTransform& estimated, const RigidTransform& actual, const Mat6& covariance) {
+  const Vec3 error = estimated.p - actual.p;
+  double most = 0.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double ratio = std::abs(error(axis)) / std::sqrt(covariance(axis, axis));
+    if (ratio < std::numeric_limits<double>::max()) { most = std::max(most, ratio); }  // not so when not a number
+  }
+  return most;
+}
+
 }  // namespace
 
 Trajectory::Trajectory(std::vector<StampedPose> poses) : poses_(std::move(poses)) {
@@ -121,8 +132,11 @@ ConsistencyScore score_consistency(const Trajectory& estimate, const Trajectory&
     travelled += has_last ? (actual.p - last_position).norm() : 0.0;
     last_position = actual.p;
     has_last = true;
-    if (travelled < start_m || entry.t < next) { continue; }
-    const Vec6 error = local_difference(estimate.at(entry.t), actual);
+    if (travelled < start_m) { continue; }
+    const RigidTransform estimated = estimate.at(entry.t);
+    score.position_max_sigma = std::max(score.position_max_sigma, error_in_sigmas(estimated, actual, entry.covariance));
+    if (entry.t < next) { continue; }
+    const Vec6 error = local_difference(estimated, actual);
     const double nees = mahalanobis2(error, entry.covariance);
     if (!(nees < std::numeric_limits<double>::max())) { continue; }  // also not a number
     sum += nees;

@@ -58,6 +58,7 @@ struct ConsistencyScore {
   double nees_mean = 0.0;  ///< mean of e^T P^-1 e over the samples, 6 degrees of freedom
   double nees_low = 0.0;   ///< 95 % band of that mean for independent samples
   double nees_high = 0.0;
+  double position_max_sigma = 0.0;  ///< largest error along an axis of W in its own deviations, over all estimates
   int samples = 0;
 };
 

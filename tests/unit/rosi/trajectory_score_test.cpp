@@ -78,9 +78,12 @@ TEST(TrajectoryScore, HonestCovarianceGivesNeesInItsBandAndTooSmallOneDoesNot) {
   EXPECT_GT(honest.samples, 150);
   EXPECT_GT(honest.nees_mean, honest.nees_low);
   EXPECT_LT(honest.nees_mean, honest.nees_high);
+  EXPECT_GT(honest.position_max_sigma, 2.0);
+  EXPECT_LT(honest.position_max_sigma, 5.0);
   for (auto& entry : covariances) { entry.covariance *= 0.25; }
   const ConsistencyScore confident = score_consistency(estimate, truth, covariances, 0.05, 1.0);
   EXPECT_GT(confident.nees_mean, confident.nees_high);
+  EXPECT_NEAR(confident.position_max_sigma, 2.0 * honest.position_max_sigma, 1e-9);
 }
 
 TEST(TrajectoryScore, TruthThatDoesNotOverlapGivesNoSamples) {
