@@ -42,7 +42,7 @@ class ByteLine {
     std::uint64_t parity_errors = 0;
     std::uint64_t framing_errors = 0;
     std::uint64_t breaks = 0;
-    std::uint64_t stalls = 0;           ///< endpoints that were halted, and freed
+    std::uint64_t stalls = 0;           ///< endpoints that were halted, each the end of a line
     std::uint64_t transfer_errors = 0;  ///< transfers that failed for another reason
   };
 
@@ -51,7 +51,8 @@ class ByteLine {
   virtual const std::string& name() const = 0;
   /// False until on_line_open(), for lines that are set up by and by.
   virtual bool is_open() const = 0;
-  /// Takes as much as there is room for.
+  /// Takes as much as there is room for. A line that is lost with a reason of its own takes nothing any more and tells
+  /// its owner by on_line_lost().
   virtual IoResult write(std::span<const std::uint8_t> bytes) = 0;
   /// What was written has left the line, as far as the line can know.
   virtual bool is_drained(Time now) const = 0;

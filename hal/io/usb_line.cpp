@@ -3,16 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <utility>
 
 namespace rosid::hal {
 
 namespace {
 
-constexpr unsigned kControlTimeout_ms = 1000;
 constexpr unsigned kOutTimeout_ms = 1000;
 constexpr int kMostFailures = 16;
+constexpr Duration kStillThere = std::chrono::seconds(1);
 // Transmitter of the chip: a frame of the bus until it has the bytes.
 constexpr Duration kFrame = std::chrono::milliseconds(1);
 constexpr std::int64_t kBitsPerByte = 10;
@@ -65,7 +64,7 @@ UsbLine::Endpoints UsbLine::find_endpoints(libusb_device* device, int interface)
 
 Result<std::unique_ptr<UsbLine>> UsbLine::open(const UsbAdapter& adapter, const LaserConfig& config,
                                                libusb_context* context, ByteLineOwner& owner, ClockFunction clock,
-                                               UsbLine*& current) {
+                                               UsbLineSlot& slot) {
   const std::string name = describe(adapter);
   const auto chip = ftdi_chip(adapter.bcd_device);
   if (!chip) {
@@ -98,14 +97,14 @@ Result<std::unique_ptr<UsbLine>> UsbLine::open(const UsbAdapter& adapter, const 
     return tl::make_unexpected(unsupported(fmt::format("{} has not the endpoints of a serial adapter", name)));
   }
   std::unique_ptr<UsbLine> line(
-      new UsbLine(std::move(handle), adapter, config, *chip, endpoints, context, owner, clock, current));
+      new UsbLine(std::move(handle), adapter, config, *chip, endpoints, context, owner, clock, slot));
   if (auto started = line->start(); !started) { return tl::make_unexpected(started.error()); }
   return line;
 }
 
 UsbLine::UsbLine(UsbHandle handle, const UsbAdapter& adapter, const LaserConfig& config, FtdiChip chip,
                  const Endpoints& endpoints, libusb_context* context, ByteLineOwner& owner, ClockFunction clock,
-                 UsbLine*& current)
+                 UsbLineSlot& slot)
     : handle_(std::move(handle)),
       name_(describe(adapter)),
       chip_(chip),
@@ -114,23 +113,19 @@ UsbLine::UsbLine(UsbHandle handle, const UsbAdapter& adapter, const LaserConfig&
       context_(context),
       owner_(owner),
       clock_(clock),
-      current_(current),
+      slot_(slot),
       packets_(static_cast<std::size_t>(endpoints.packet_size)),
       baud_(config.baud),
       in_(kInTransfers),
       out_(kOutTransfers) {
-  current_ = this;
+  slot_.line = this;
 }
 
 Result<void> UsbLine::start() {
   const auto baud = ftdi_baud(chip_, interface_, baud_);
   if (!baud) { return tl::make_unexpected(unsupported(fmt::format("{} cannot run at {} baud", name_, baud_))); }
-  set_up_ = ftdi_set_up(chip_, interface_, *baud);
-  // The kernel's driver gets it back when the interface is released.
-  static_cast<void>(libusb_set_auto_detach_kernel_driver(handle_.get(), 1));
-  if (const int code = libusb_claim_interface(handle_.get(), interface_); code != 0) {
-    return tl::make_unexpected(usb_error(code, name_));
-  }
+  if (auto taken = take_interface(); !taken) { return taken; }
+  plan_set_up(*baud);
   const auto prepare = [this](Transfer& transfer) {
     transfer.line = this;
     transfer.handle.reset(libusb_alloc_transfer(0));
@@ -144,8 +139,25 @@ Result<void> UsbLine::start() {
   return {};
 }
 
+Result<void> UsbLine::take_interface() {
+  // By hand: what libusb detaches by itself it attaches again by itself, also when the chip is mute. That there is no
+  // driver is well, and what else is wrong the claim tells.
+  static_cast<void>(libusb_detach_kernel_driver(handle_.get(), interface_));
+  if (const int code = libusb_claim_interface(handle_.get(), interface_); code != 0) {
+    return tl::make_unexpected(usb_error(code, name_));
+  }
+  return {};
+}
+
+bool UsbLine::may_give_back() const {
+  const bool is_well = phase_ == Phase::SettingUp || phase_ == Phase::Running;
+  // A chip with nothing to say says so each millisecond.
+  return is_well && t_answer_ && clock_() - *t_answer_ <= kStillThere;
+}
+
 UsbLine::~UsbLine() {
-  current_ = nullptr;
+  slot_.line = nullptr;
+  const bool gives_back = may_give_back();
   phase_ = Phase::Closing;
   cancel_all();
   // A cancelled transfer comes back as an event; the kernel does that at once.
@@ -155,6 +167,7 @@ UsbLine::~UsbLine() {
     static_cast<void>(libusb_handle_events_timeout_completed(context_, &patience, nullptr));
   }
   static_cast<void>(libusb_release_interface(handle_.get(), interface_));
+  if (gives_back) { static_cast<void>(libusb_attach_kernel_driver(handle_.get(), interface_)); }
   // Before the transfers: whatever the kernel has not given back by now, it forgets.
   handle_.reset();
 }
@@ -183,71 +196,20 @@ void UsbLine::fail(std::string why) {
 bool UsbLine::submit(Transfer& transfer) {
   const int code = libusb_submit_transfer(transfer.handle.get());
   transfer.is_in_flight = code == 0;
-  if (code != 0) { fail(usb_error(code, name_).message); }
+  if (code != 0) {
+    fail(code == LIBUSB_ERROR_NO_DEVICE
+             ? usb_error(code, name_).message
+             : fmt::format("{} was lost: the kernel refuses a transfer: {}", name_, libusb_error_name(code)));
+  }
   return code == 0;
-}
-
-// --- set-up and baud rate
-
-bool UsbLine::tell(const FtdiRequest& request) {
-  constexpr auto kType = static_cast<std::uint8_t>(static_cast<unsigned>(LIBUSB_ENDPOINT_OUT) |
-                                                   static_cast<unsigned>(LIBUSB_REQUEST_TYPE_VENDOR) |
-                                                   static_cast<unsigned>(LIBUSB_RECIPIENT_DEVICE));
-  libusb_fill_control_setup(control_.bytes.data(), kType, request.request, request.value, request.index, 0);
-  libusb_fill_control_transfer(control_.handle.get(), handle_.get(), control_.bytes.data(), &UsbLine::on_told,
-                               &control_, kControlTimeout_ms);
-  return submit(control_);
-}
-
-void UsbLine::set_up_next() {
-  if (set_up_at_ < set_up_.size()) {
-    static_cast<void>(tell(set_up_[set_up_at_]));
-    return;
-  }
-  phase_ = Phase::Running;
-  for (Transfer& transfer : in_) { listen(transfer); }
-}
-
-void UsbLine::on_told(libusb_transfer* raw) {
-  Transfer& transfer = *static_cast<Transfer*>(raw->user_data);
-  transfer.is_in_flight = false;
-  transfer.line->told();
-}
-
-void UsbLine::told() {
-  if (phase_ == Phase::Closing || phase_ == Phase::Failed) { return; }
-  const libusb_transfer_status status = control_.handle->status;
-  const bool is_setting_up = phase_ == Phase::SettingUp;
-  const bool is_refused = status == LIBUSB_TRANSFER_STALL;
-  const bool is_good = status == LIBUSB_TRANSFER_COMPLETED;
-  if (status == LIBUSB_TRANSFER_NO_DEVICE) {
-    fail(fmt::format("{} was unplugged", name_));
-  } else if (!is_good && !(is_refused && is_setting_up && set_up_[set_up_at_].is_optional)) {
-    ++counters_.transfer_errors;
-    const int request = control_.bytes[1];
-    fail(fmt::format("{} {} request {} of the set-up; unplug it and plug it in again", name_,
-                     is_refused ? "refuses" : "does not answer", request));
-  } else if (is_setting_up) {
-    ++set_up_at_;
-    set_up_next();
-  }
-}
-
-Result<void> UsbLine::set_baud(int baud) {
-  const auto request = ftdi_baud(chip_, interface_, baud);
-  if (!request) { return make_error(ErrorCode::Unsupported, fmt::format("the chip cannot run at {} baud", baud)); }
-  if (phase_ != Phase::Running || control_.is_in_flight) { return make_error(ErrorCode::Busy, "it is being set up"); }
-  if (!tell(*request)) { return make_error(ErrorCode::Io, why_failed_); }
-  baud_ = baud;
-  return {};
 }
 
 // --- to the device
 
 IoResult UsbLine::write(std::span<const std::uint8_t> bytes) {
-  if (phase_ == Phase::Failed) { return {IoStatus::Closed, 0, ENODEV}; }
   if (bytes.empty()) { return {IoStatus::Done, 0, 0}; }
-  if (phase_ != Phase::Running || control_.is_in_flight || is_out_halted_) { return {IoStatus::WouldBlock, 0, 0}; }
+  // Also when it has failed: the owner is told with the reason (report_failure()).
+  if (phase_ != Phase::Running || control_.is_in_flight) { return {IoStatus::WouldBlock, 0, 0}; }
   const auto free =
       std::find_if(out_.begin(), out_.end(), [](const Transfer& transfer) { return !transfer.is_in_flight; });
   if (free == out_.end()) { return {IoStatus::WouldBlock, 0, 0}; }
@@ -255,7 +217,7 @@ IoResult UsbLine::write(std::span<const std::uint8_t> bytes) {
   std::copy(part.begin(), part.end(), free->bytes.begin());
   libusb_fill_bulk_transfer(free->handle.get(), handle_.get(), endpoints_.out, free->bytes.data(),
                             static_cast<int>(part.size()), &UsbLine::on_sent, &*free, kOutTimeout_ms);
-  if (!submit(*free)) { return {IoStatus::Closed, 0, ENODEV}; }
+  if (!submit(*free)) { return {IoStatus::WouldBlock, 0, 0}; }
   return {IoStatus::Done, part.size(), 0};
 }
 
@@ -272,12 +234,14 @@ void UsbLine::on_sent(libusb_transfer* raw) {
 }
 
 void UsbLine::sent(Transfer& transfer) {
-  if (phase_ == Phase::Closing) { return; }
+  if (phase_ != Phase::Running) { return; }
+  if (transfer.handle->status == LIBUSB_TRANSFER_STALL) {
+    fail_halted(false);
+    return;
+  }
   if (transfer.handle->status != LIBUSB_TRANSFER_COMPLETED) {
-    const bool was_halted = is_out_halted_;
-    is_out_halted_ = was_halted || transfer.handle->status == LIBUSB_TRANSFER_STALL;
     // What was lost the laser's session sends again.
-    if (!was_halted) { static_cast<void>(count_failure(transfer.handle->status)); }
+    static_cast<void>(count_failure(transfer.handle->status));
     return;
   }
   // The chip has the bytes now; the line is busy with them from now on.
@@ -310,13 +274,14 @@ void UsbLine::receive(Transfer& transfer) {
     owner_.on_line_open(clock_());
   }
   if (!bytes.empty()) { owner_.on_line_bytes(clock_(), bytes); }
-  if (status == LIBUSB_TRANSFER_COMPLETED) { failures_in_a_row_ = 0; }
   if (status == LIBUSB_TRANSFER_STALL) {
-    // The transfers queued behind it come back in the same way: one fault.
-    if (!std::exchange(is_in_halted_, true)) { static_cast<void>(count_failure(status)); }
+    fail_halted(true);
     return;
   }
-  if (is_in_halted_) { return; }
+  if (status == LIBUSB_TRANSFER_COMPLETED) {
+    failures_in_a_row_ = 0;
+    t_answer_ = clock_();
+  }
   if (status == LIBUSB_TRANSFER_COMPLETED || count_failure(status)) { listen(transfer); }
 }
 
@@ -325,7 +290,7 @@ bool UsbLine::count_failure(libusb_transfer_status status) {
     fail(fmt::format("{} was unplugged", name_));
     return false;
   }
-  ++(status == LIBUSB_TRANSFER_STALL ? counters_.stalls : counters_.transfer_errors);
+  ++counters_.transfer_errors;
   if (++failures_in_a_row_ >= kMostFailures) {
     fail(fmt::format("{} was lost: {} transfers failed one after the other; check its plug and cable", name_,
                      failures_in_a_row_));
@@ -334,34 +299,15 @@ bool UsbLine::count_failure(libusb_transfer_status status) {
   return true;
 }
 
-void UsbLine::free_halted_endpoints() {
-  const auto free = [this](unsigned char endpoint) {
-    const int code = libusb_clear_halt(handle_.get(), endpoint);
-    if (code != 0) { fail(usb_error(code, name_).message); }
-  };
-  // An endpoint is reset with nothing queued on it.
-  const auto is_empty = [](std::vector<Transfer>& transfers) {
-    bool is_quiet = true;
-    for (Transfer& transfer : transfers) {
-      if (!transfer.is_in_flight) { continue; }
-      static_cast<void>(libusb_cancel_transfer(transfer.handle.get()));
-      is_quiet = false;
-    }
-    return is_quiet;
-  };
-  if (is_out_halted_ && is_empty(out_)) {
-    is_out_halted_ = false;
-    free(endpoints_.out);
-  }
-  if (is_in_halted_ && is_empty(in_)) {
-    is_in_halted_ = false;
-    free(endpoints_.in);
-    for (Transfer& transfer : in_) { listen(transfer); }
-  }
+/// One fault, though the transfers queued behind it come back in the same way.
+void UsbLine::fail_halted(bool is_in) {
+  ++counters_.stalls;
+  (is_in ? slot_.is_in_halted : slot_.is_out_halted) = true;
+  fail(fmt::format("{} was lost: it halted the endpoint {}; it is opened anew", name_,
+                   is_in ? "it sends by" : "it receives by"));
 }
 
 void UsbLine::after_events() {
-  if (phase_ == Phase::Running && (is_in_halted_ || is_out_halted_)) { free_halted_endpoints(); }
   if (phase_ == Phase::Running && !is_told_) {
     is_told_ = true;
     owner_.on_line_open(clock_());

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -27,16 +28,32 @@ struct UsbReleaser {
 };
 using UsbHandle = std::unique_ptr<libusb_device_handle, UsbReleaser<libusb_close>>;
 
-/// Takes the interface from the kernel's driver and gives it back at the end. The set-up is sent step by step; the
-/// line is open when the chip has taken the last of it. I/O thread.
+class UsbLine;
+
+/// What is known of the line beyond its life: where it is, and what the one before it left behind.
+struct UsbLineSlot {
+  UsbLine* line = nullptr;  ///< nullptr while there is none
+  // A line was lost for this endpoint: the next one frees it.
+  bool is_in_halted = false;
+  bool is_out_halted = false;
+};
+
+/// Takes the interface from the kernel's driver. The set-up is sent step by step; the line is open when the chip has
+/// taken the last of it. I/O thread.
+///
+/// The kernel's driver gets the interface back when the line is closed while all is well, and only then: the kernel
+/// has the driver ask the chip for its state before it returns, each question with seconds of patience, and who waits
+/// for a mute chip so long is no I/O thread any more.
 class UsbLine final : public ByteLine {
  public:
-  /// current: where the line is to be found while it lives. Errors name the adapter and what to do: NotFound (gone),
-  /// PermissionDenied, Busy, Unsupported (the chip, its channel, the rate), Io.
+  /// slot: outlives the line. Errors name the adapter and what to do: NotFound (gone), PermissionDenied, Busy,
+  /// Unsupported (the chip, its channel, the rate), Io.
   static Result<std::unique_ptr<UsbLine>> open(const UsbAdapter& adapter, const LaserConfig& config,
                                                libusb_context* context, ByteLineOwner& owner, ClockFunction clock,
-                                               UsbLine*& current);
-  /// Cancels what is under way and waits for that, some milliseconds.
+                                               UsbLineSlot& slot);
+  /// Cancels what is under way and waits for that: the kernel does it at once, after 0.5 s it is not waited for any
+  /// longer. Gives the interface back to the kernel's driver when the chip has answered within the last second and
+  /// the line has not failed; that costs what the driver's questions cost, some milliseconds with a chip that answers.
   ~UsbLine() override;
   UsbLine(const UsbLine&) = delete;
   UsbLine& operator=(const UsbLine&) = delete;
@@ -64,6 +81,10 @@ class UsbLine final : public ByteLine {
   static constexpr std::size_t kInSize = 512;
   static constexpr std::size_t kOutSize = 64;
 
+  struct Step {
+    FtdiRequest request;
+    bool is_freeing = false;  // an endpoint: a request every USB device knows
+  };
   enum class Phase : std::uint8_t { SettingUp, Running, Failed, Closing };
 
   using TransferHandle = std::unique_ptr<libusb_transfer, UsbReleaser<libusb_free_transfer>>;
@@ -81,9 +102,12 @@ class UsbLine final : public ByteLine {
 
   UsbLine(UsbHandle handle, const UsbAdapter& adapter, const LaserConfig& config, FtdiChip chip,
           const Endpoints& endpoints, libusb_context* context, ByteLineOwner& owner, ClockFunction clock,
-          UsbLine*& current);
+          UsbLineSlot& slot);
   static Endpoints find_endpoints(libusb_device* device, int interface);
   Result<void> start();
+  Result<void> take_interface();
+  void plan_set_up(const FtdiRequest& baud);
+  bool may_give_back() const;
 
   static void LIBUSB_CALL on_received(libusb_transfer* raw);
   static void LIBUSB_CALL on_sent(libusb_transfer* raw);
@@ -93,9 +117,9 @@ class UsbLine final : public ByteLine {
   void told();
   void listen(Transfer& transfer);
   bool submit(Transfer& transfer);
-  bool tell(const FtdiRequest& request);
+  bool tell(const Step& step);
   void set_up_next();
-  void free_halted_endpoints();
+  void fail_halted(bool is_in);
   /// True when it may be tried again.
   bool count_failure(libusb_transfer_status status);
   bool is_under_way() const;
@@ -109,17 +133,16 @@ class UsbLine final : public ByteLine {
   libusb_context* context_;
   ByteLineOwner& owner_;
   ClockFunction clock_;
-  UsbLine*& current_;
+  UsbLineSlot& slot_;
   FtdiPackets packets_;
   Counters counters_;
   Phase phase_ = Phase::SettingUp;
   std::string why_failed_;
-  bool is_told_ = false;  // the owner knows that it is open
-  bool is_in_halted_ = false;
-  bool is_out_halted_ = false;
+  bool is_told_ = false;          // the owner knows that it is open
+  std::optional<Time> t_answer_;  // the chip's last sign of life
   int failures_in_a_row_ = 0;
   int baud_;
-  std::array<FtdiRequest, 10> set_up_{};
+  std::vector<Step> set_up_;
   std::size_t set_up_at_ = 0;
   Time t_line_free_;
   Transfer control_;

@@ -1,4 +1,4 @@
-// In the place of usb_line.cpp and usb_opener.cpp where there is no libusb.
+// In the place of the line, its set-up and its opener where there is no libusb.
 
 #include "hal/io/byte_line.hpp"
 #include "hal/io/support.hpp"

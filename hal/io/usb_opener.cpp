@@ -52,7 +52,7 @@ class UsbOpener final : public ByteLineOpener, private EventHandler {
   std::vector<int> watched_;
   bool cannot_watch_ = false;
   bool has_own_timers_ = true;
-  UsbLine* line_ = nullptr;  // the owner has it; it tells when it goes
+  UsbLineSlot slot_;  // the owner has the line
 };
 
 void UsbOpener::on_descriptor_added(int fd, short events, void* opener) {
@@ -120,7 +120,7 @@ Result<std::unique_ptr<ByteLine>> UsbOpener::open() {
   }
   const auto adapter = choose_usb_adapter(list_usb_adapters(ids_), config_);
   if (!adapter) { return tl::make_unexpected(adapter.error()); }
-  auto line = UsbLine::open(*adapter, config_, context_.get(), owner_, clock_, line_);
+  auto line = UsbLine::open(*adapter, config_, context_.get(), owner_, clock_, slot_);
   if (!line) { return tl::make_unexpected(line.error()); }
   if (std::exchange(cannot_watch_, false)) {
     return make_error(ErrorCode::Io, (*line)->name() + ": its descriptor cannot be watched");
@@ -130,7 +130,7 @@ Result<std::unique_ptr<ByteLine>> UsbOpener::open() {
 
 void UsbOpener::step() {
   if (context_ && !has_own_timers_) { handle_events(); }
-  if (line_ != nullptr) { line_->report_failure(); }
+  if (slot_.line != nullptr) { slot_.line->report_failure(); }
 }
 
 void UsbOpener::on_event(std::uint32_t /*events*/) {
@@ -140,7 +140,7 @@ void UsbOpener::on_event(std::uint32_t /*events*/) {
 void UsbOpener::handle_events() {
   timeval no_wait{};
   static_cast<void>(libusb_handle_events_timeout_completed(context_.get(), &no_wait, nullptr));
-  if (line_ != nullptr) { line_->after_events(); }
+  if (slot_.line != nullptr) { slot_.line->after_events(); }
 }
 
 }  // namespace

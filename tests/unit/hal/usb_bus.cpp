@@ -195,18 +195,33 @@ int UsbAdapterModel::on_ioctl(unsigned long request, void* argument) {
     }
     case USBDEVFS_IOCTL: {
       const auto& inner = *static_cast<usbdevfs_ioctl*>(argument);
-      if (static_cast<std::uint32_t>(inner.ioctl_code) == USBDEVFS_DISCONNECT) { has_kernel_driver = false; }
-      if (static_cast<std::uint32_t>(inner.ioctl_code) == USBDEVFS_CONNECT) { has_kernel_driver = true; }
-      return 0;
+      switch (static_cast<std::uint32_t>(inner.ioctl_code)) {
+        case USBDEVFS_DISCONNECT: return take_from_driver();
+        case USBDEVFS_CONNECT: return give_to_driver();
+        default: return fail(ENOTTY);
+      }
     }
     case USBDEVFS_CLEAR_HALT:
-      ++halts_cleared;
+      ++halts_cleared_waiting;
       ((*static_cast<unsigned*>(argument) & 0x80U) != 0 ? is_in_halted : is_out_halted) = false;
       return 0;
     case USBDEVFS_SUBMITURB: return submit(*static_cast<usbdevfs_urb*>(argument));
     case USBDEVFS_DISCARDURB: return discard(static_cast<usbdevfs_urb*>(argument));
     default: return fail(ENOTTY);
   }
+}
+
+int UsbAdapterModel::take_from_driver() {
+  if (!has_kernel_driver) { return fail(ENODATA); }
+  has_kernel_driver = false;
+  return 0;
+}
+
+int UsbAdapterModel::give_to_driver() {
+  if (has_kernel_driver || claimed >= 0) { return fail(EBUSY); }
+  ++driver_returns;
+  has_kernel_driver = true;
+  return 1;
 }
 
 int UsbAdapterModel::submit(usbdevfs_urb& urb) {
@@ -235,6 +250,14 @@ int UsbAdapterModel::submit(usbdevfs_urb& urb) {
 void UsbAdapterModel::control(usbdevfs_urb& urb) {
   const auto* setup = static_cast<const std::uint8_t*>(urb.buffer);
   const auto word = [setup](int at) { return static_cast<std::uint16_t>(setup[at] | (setup[at + 1] << 8)); };
+  // What every device knows: free an endpoint.
+  if (setup[0] == 0x02 && setup[1] == 1 && word(2) == 0) {
+    if (is_deaf) { return; }
+    ++halts_cleared;
+    ((word(4) & 0x80U) != 0 ? is_in_halted : is_out_halted) = false;
+    finish(urb, 0, 0);
+    return;
+  }
   const Request request{setup[1], word(2), word(4)};
   requests.push_back(request);
   if (is_deaf) { return; }

@@ -93,7 +93,9 @@ class UsbAdapterModel {
   bool has_kernel_driver = true;
   int claimed = -1;
   int opens = 0;
-  int halts_cleared = 0;
+  int halts_cleared = 0;          ///< by requests like any other
+  int halts_cleared_waiting = 0;  ///< by the call of the kernel that waits for the chip
+  int driver_returns = 0;         ///< times the kernel was asked for its driver, which asks the chip and waits for it
   std::vector<std::uint8_t> endpoints_used;
 
   // Faults.
@@ -116,6 +118,8 @@ class UsbAdapterModel {
   int on_ioctl(unsigned long request, void* argument);
 
  private:
+  int give_to_driver();
+  int take_from_driver();
   int submit(usbdevfs_urb& urb);
   void control(usbdevfs_urb& urb);
   void send(usbdevfs_urb& urb);

@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hal/usb/ftdi_chip.hpp"
@@ -80,6 +81,7 @@ TEST_F(UsbLaser, IsBroughtUpThroughABaudChangeAndGivenBack) {
   EXPECT_FALSE(adapter.is_opened());
   EXPECT_EQ(adapter.claimed, -1);
   EXPECT_TRUE(adapter.has_kernel_driver);
+  EXPECT_EQ(adapter.driver_returns, 1);
   EXPECT_EQ(adapter.transfers_under_way(), 0U);
 }
 
@@ -197,7 +199,8 @@ TEST_F(UsbLaser, AnAdapterHeldByAnotherProgramIsNamedAndTakenWhenFree) {
   EXPECT_TRUE(lines(host, 5, 5.0));
 }
 
-TEST_F(UsbLaser, AHaltedEndpointIsFreedAndTheStreamGoesOn) {
+// Freeing an endpoint is a request like those of the set-up: no call of the kernel waits for the chip.
+TEST_F(UsbLaser, AHaltedEndpointIsALostLineThatIsOpenedAnewAndFreed) {
   adapter.laser.baud = 500000;
   adapter.plug();
   Host host(usb_laser());
@@ -205,23 +208,93 @@ TEST_F(UsbLaser, AHaltedEndpointIsFreedAndTheStreamGoesOn) {
   for (std::uint64_t stalls = 1; stalls <= 3; ++stalls) {
     adapter.is_in_halted = true;
     EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().line_counters().stalls == stalls; }));
-    EXPECT_TRUE(lines(host, 5, 2.0));
+    EXPECT_TRUE(until(host, 2.0, [&] { return !host.links->last_error(Device::Laser).empty(); }));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("halted the endpoint it sends by"));
+    EXPECT_TRUE(lines(host, 5, 5.0));
+    EXPECT_EQ(adapter.halts_cleared, static_cast<int>(stalls));
   }
-  EXPECT_EQ(adapter.halts_cleared, 3);
-  EXPECT_EQ(host.links->laser().counters().opened, 1U);
+  EXPECT_EQ(adapter.halts_cleared_waiting, 0);
+  EXPECT_EQ(adapter.driver_returns, 0);
+  EXPECT_EQ(host.links->laser().counters().opened, 4U);
+  EXPECT_EQ(host.links->laser().line_counters().stalls, 3U);
   EXPECT_EQ(host.links->laser().line_counters().transfer_errors, 0U);
 }
 
-TEST_F(UsbLaser, AHaltedTransmitterIsFreedAndTheSessionSendsAgain) {
+TEST_F(UsbLaser, AHaltedTransmitterIsALostLineToo) {
   adapter.laser.baud = 500000;
   adapter.is_out_halted = true;
   adapter.plug();
   adapter.clock = fast_now;
   Host host(usb_laser(), fast_now);
+  EXPECT_TRUE(until(host, 5.0, [&] { return host.links->laser().line_counters().stalls == 1; }));
+  EXPECT_TRUE(until(host, 2.0, [&] { return !host.links->last_error(Device::Laser).empty(); }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("halted the endpoint it receives by"));
   EXPECT_TRUE(lines(host, 5)) << host.front_end.detail(Device::Laser);
   EXPECT_EQ(adapter.halts_cleared, 1);
+  EXPECT_EQ(adapter.halts_cleared_waiting, 0);
   EXPECT_EQ(host.links->laser().line_counters().stalls, 1U);
-  EXPECT_EQ(host.links->laser().counters().opened, 1U);
+  EXPECT_EQ(host.links->laser().counters().opened, 2U);
+}
+
+// The kernel's driver asks the chip before the kernel returns: 10 s with one that is mute.
+TEST_F(UsbLaser, AfterAFailureTheKernelsDriverIsNotAskedForAndIsAtTheEnd) {
+  adapter.laser.baud = 500000;
+  adapter.is_deaf = true;
+  adapter.plug();
+  {
+    Host host(usb_laser());
+    ASSERT_TRUE(until(host, 4.0, [&] { return host.links->laser().counters().open_failures == 1; }));
+    EXPECT_FALSE(adapter.is_opened());
+    EXPECT_EQ(adapter.driver_returns, 0);
+    adapter.is_deaf = false;
+    ASSERT_TRUE(lines(host, 5, 5.0));
+    adapter.in_error = EPROTO;
+    ASSERT_TRUE(until(host, 2.0, [&] { return !host.links->laser().is_open(); }));
+    EXPECT_FALSE(adapter.is_opened());
+    EXPECT_EQ(adapter.driver_returns, 0);
+    EXPECT_FALSE(adapter.has_kernel_driver);
+    adapter.in_error = 0;
+    ASSERT_TRUE(lines(host, 5, 5.0));
+  }
+  EXPECT_EQ(adapter.driver_returns, 1);
+  EXPECT_TRUE(adapter.has_kernel_driver);
+}
+
+TEST_F(UsbLaser, AChipThatFellSilentIsClosedWithoutAskingForTheKernelsDriver) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  adapter.clock = fast_now;
+  {
+    Host host(usb_laser(), fast_now);
+    ASSERT_TRUE(lines(host, 5));
+    // Not a word more from it, for more than a second of this clock.
+    adapter.is_deaf = true;
+    const Time end = fast_now() + std::chrono::milliseconds(1500);
+    ASSERT_TRUE(host.run(5.0, [&] { return fast_now() >= end; }, [] {}));
+    ASSERT_TRUE(adapter.is_opened());
+  }
+  EXPECT_FALSE(adapter.is_opened());
+  EXPECT_EQ(adapter.driver_returns, 0);
+}
+
+TEST_F(UsbLaser, AWriteThatIsRefusedIsReportedWithItsReason) {
+  adapter.laser.baud = 500000;
+  adapter.plug();
+  Host host(usb_laser());
+  ASSERT_TRUE(lines(host, 5));
+  for (const auto& [code, reason] :
+       {std::pair{EIO, "the kernel refuses a transfer: LIBUSB_ERROR_IO"}, std::pair{ENODEV, "was unplugged"}}) {
+    adapter.failing_submit = 0;
+    adapter.submit_errno = code;
+    host.links->write_laser(std::array<std::uint8_t, 3>{1, 2, 3});
+    // What was received by now is not looked at before the command is written.
+    host.links->poll(Duration{0});
+    EXPECT_LT(adapter.failing_submit, 0);
+    EXPECT_TRUE(until(host, 2.0, [&] { return !host.links->laser().is_open(); }));
+    EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr(reason));
+    EXPECT_THAT(host.links->last_error(Device::Laser), testing::Not(HasSubstr("cannot be written")));
+    ASSERT_TRUE(lines(host, 5, 5.0));
+  }
 }
 
 TEST_F(UsbLaser, OverrunsOfTheChipAreCountedAndShownAsLosses) {
@@ -363,6 +436,7 @@ TEST_F(UsbLaser, ClosedDuringTheSetUpNothingIsLeft) {
   }
   EXPECT_FALSE(adapter.is_opened());
   EXPECT_EQ(adapter.transfers_under_way(), 0U);
+  EXPECT_EQ(adapter.driver_returns, 0);  // it has answered nothing yet
 }
 
 TEST_F(UsbLaser, AChannelOfAFastChipIsUsedWithItsOwnWordsAndEndpoints) {
