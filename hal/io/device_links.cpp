@@ -61,8 +61,6 @@ void DeviceLinks::poll(Duration max_wait) {
 }
 
 void DeviceLinks::add_link_health(DeviceHealthTable& table) const {
-  // At least one byte each time, and so a telegram.
-  table[static_cast<std::size_t>(Device::Laser)].lost += laser_.line_counters().overruns;
   DeviceHealth& health = table[static_cast<std::size_t>(Device::Can)];
   health.format_errors += can_.counters().format_errors;
   health.lost += can_.counters().kernel_drops;

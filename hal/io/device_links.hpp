@@ -51,8 +51,9 @@ class DeviceLinks {
   void set_laser_baud(int baud) { laser_.set_baud(baud); }
   void write_can(const CanFrame& frame) { can_.write(frame); }
 
-  /// Adds what the links know beyond the front end: the state "faulty" of an adapter that talks nonsense, its format
-  /// errors, and what the kernel or an adapter had to drop.
+  /// Adds what the links know beyond the front end: the state "faulty" of a CAN adapter that talks nonsense, its format
+  /// errors, and the frames the kernel had to drop. Not the overruns of the laser's line (laser().line_counters()): the
+  /// telegrams they cost are missing in the mirror's clock, which counts them.
   void add_link_health(DeviceHealthTable& table) const;
   /// As FrontEnd::detail(), with the links' own findings.
   const char* detail(Device device) const;

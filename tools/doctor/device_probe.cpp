@@ -97,6 +97,7 @@ class Probe final : private hal::FrontEndSink, private hal::LinkTap {
     ProbeFacts result;
     result.laser_baud = baud_;
     result.laser_firmware = firmware_.firmware();
+    result.laser_line = links_->laser().line_counters();
     DeviceHealthTable health = front_end.health();
     links_->add_link_health(health);
     for (std::size_t k = 0; k < result.devices.size(); ++k) {
@@ -164,6 +165,16 @@ std::array<Expectation, kDeviceCount> expectations(const hal::HalConfig& config)
        {Device::Can, has_can, "the bit rate, the termination (60 ohm between CAN-H and CAN-L) and the wiring"}}};
 }
 
+/// Empty when there is none: a serial port of the kernel knows of none.
+std::string line_errors(const hal::ByteLine::Counters& line) {
+  const std::uint64_t sum =
+      line.overruns + line.parity_errors + line.framing_errors + line.breaks + line.stalls + line.transfer_errors;
+  if (sum == 0) { return {}; }
+  return fmt::format(
+      "; its line: {} overruns, {} parity and {} framing errors, {} breaks, {} halts, {} failed transfers",
+      line.overruns, line.parity_errors, line.framing_errors, line.breaks, line.stalls, line.transfer_errors);
+}
+
 Finding judge_device(const DeviceFacts& facts, const Expectation& expected) {
   const std::string subject = to_cstr(expected.device);
   // Why a port cannot be opened comes with what to do about it.
@@ -214,6 +225,7 @@ Findings judge_probe(const ProbeFacts& facts, const hal::HalConfig& config) {
     if (expected.device == Device::Laser && !facts.laser_firmware.empty()) {
       finding.text += ", firmware " + facts.laser_firmware;
     }
+    if (expected.device == Device::Laser) { finding.text += line_errors(facts.laser_line); }
   }
   // While it is looked for the rate is only the one that is tried.
   const bool is_running = facts.devices[static_cast<std::size_t>(Device::Laser)].health.state == DeviceState::Running;
@@ -247,6 +259,13 @@ nlohmann::json to_json(const ProbeFacts& facts) {
   }
   devices["laser"]["baud"] = facts.laser_baud;
   devices["laser"]["firmware"] = facts.laser_firmware;
+  const hal::ByteLine::Counters& line = facts.laser_line;
+  devices["laser"]["line"] = {{"overruns", line.overruns},
+                              {"parity_errors", line.parity_errors},
+                              {"framing_errors", line.framing_errors},
+                              {"breaks", line.breaks},
+                              {"stalls", line.stalls},
+                              {"transfer_errors", line.transfer_errors}};
   return devices;
 }
 

@@ -10,6 +10,7 @@
 #include "base/health.hpp"
 #include "base/result.hpp"
 #include "hal/config.hpp"
+#include "hal/io/byte_line.hpp"
 #include "tools/doctor/finding.hpp"
 
 namespace rosid::doctor {
@@ -30,7 +31,8 @@ struct DeviceFacts {
 struct ProbeFacts {
   std::array<DeviceFacts, kDeviceCount> devices;
   int laser_baud = 0;
-  std::string laser_firmware;  ///< as its status telegram names it; empty when none was heard
+  hal::ByteLine::Counters laser_line;  ///< what its line itself found wrong
+  std::string laser_firmware;          ///< as its status telegram names it; empty when none was heard
 };
 
 /// Opens, starts and reads the devices for that long; they are left as rosid leaves them. Fails only for lack of

@@ -144,6 +144,10 @@ TEST(Probe, TheLasersFirmwareIsTold) {
   facts.laser_firmware = "V02.30";
   EXPECT_THAT(find(judge_probe(facts, {}), "laser")->text, HasSubstr("firmware V02.30"));
   EXPECT_EQ(to_json(facts)["laser"]["firmware"], "V02.30");
+  EXPECT_THAT(find(judge_probe(facts, {}), "laser")->text, ::testing::Not(HasSubstr("overruns")));
+  facts.laser_line.overruns = 3;
+  EXPECT_THAT(find(judge_probe(facts, {}), "laser")->text, HasSubstr("3 overruns"));
+  EXPECT_EQ(to_json(facts)["laser"]["line"]["overruns"], 3);
 }
 
 TEST(Controller, EveryStateHasItsVerdictAndRemedy) {

@@ -344,7 +344,9 @@ void UsbAdapterModel::live() {
   const Time now = clock();
   constexpr std::size_t kFifo = 256;
   for (const std::uint8_t byte : laser.transmit(now, baud())) {
-    if (fifo_.size() < kFifo || listening() > 0) {
+    const bool is_dropped = bytes_to_overrun > 0;
+    bytes_to_overrun = std::max(bytes_to_overrun - 1, 0);
+    if (!is_dropped && (fifo_.size() < kFifo || listening() > 0)) {
       fifo_.push_back(byte);
     } else {
       line_status |= 0x02U;

@@ -106,6 +106,7 @@ class UsbAdapterModel {
   bool is_out_stuck = false;  ///< bytes to the line are never taken
   int failing_submit = -1;    ///< counts down; the submission at 0 fails
   int submit_errno = EIO;
+  int bytes_to_overrun = 0;  ///< the chip loses so many of the next
   unsigned line_status = 0;  ///< error bits of the next packet with data
   int in_error = 0;          ///< errno all transfers from the device end with
   bool is_in_halted = false;
