@@ -24,7 +24,7 @@ struct LaserConfig {
   bool enabled = true;
   LaserLinkKind link = LaserLinkKind::Tty;
   std::string device = "/dev/rosid-laser";  ///< of the kernel's serial port
-  std::string usb_serial;                   ///< serial number of the adapter; empty: the first there is
+  std::string usb_serial;                   ///< serial number of the adapter; empty: the only one there is
   /// vendor:product of the adapters looked at
   std::string usb_ids = "0403:6001 0403:6010 0403:6011 0403:6014 0403:6015";
   int usb_channel = 1;  ///< of a chip with several serial lines

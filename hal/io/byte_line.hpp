@@ -74,8 +74,9 @@ class ByteLineOpener {
 
 std::unique_ptr<ByteLineOpener> make_tty_opener(const LaserConfig& config, EventLoop& loop, ByteLineOwner& owner,
                                                 ClockFunction clock);
-/// In a build without libusb every open() is Unsupported.
-std::unique_ptr<ByteLineOpener> make_usb_opener(const LaserConfig& config, EventLoop& loop, ByteLineOwner& owner,
+/// In a build without libusb every open() is Unsupported. Of the configuration beyond the laser's: which adapter is
+/// that of the CAN bus.
+std::unique_ptr<ByteLineOpener> make_usb_opener(const HalConfig& config, EventLoop& loop, ByteLineOwner& owner,
                                                 ClockFunction clock);
 
 }  // namespace rosid::hal

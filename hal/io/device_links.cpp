@@ -31,7 +31,7 @@ DeviceLinks::DeviceLinks(const HalConfig& config, EventLoop loop, LinkTap& tap, 
     : loop_(std::move(loop)),
       tap_(tap),
       clock_(clock),
-      laser_(config.laser, loop_, tap, clock),
+      laser_(config, loop_, tap, clock),
       can_(config, loop_, tap, clock),
       gpio_(config, loop_, tap, clock),
       has_gpio_turret_(is_on_gpio(config.turret)) {}

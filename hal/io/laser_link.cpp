@@ -26,12 +26,12 @@ ByteLine::Counters sum(const ByteLine::Counters& a, const ByteLine::Counters& b)
 
 }  // namespace
 
-LaserLink::LaserLink(const LaserConfig& config, EventLoop& loop, LinkTap& tap, ClockFunction clock)
-    : config_(config), tap_(tap), clock_(clock) {
-  if (!config.enabled) { return; }
+LaserLink::LaserLink(const HalConfig& config, EventLoop& loop, LinkTap& tap, ClockFunction clock)
+    : tap_(tap), clock_(clock) {
+  if (!config.laser.enabled) { return; }
   ByteLineOwner& owner = *this;
-  opener_ = config.link == LaserLinkKind::Usb ? make_usb_opener(config, loop, owner, clock)
-                                              : make_tty_opener(config, loop, owner, clock);
+  opener_ = config.laser.link == LaserLinkKind::Usb ? make_usb_opener(config, loop, owner, clock)
+                                                    : make_tty_opener(config.laser, loop, owner, clock);
 }
 
 LaserLink::~LaserLink() = default;

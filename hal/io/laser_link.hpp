@@ -26,7 +26,7 @@ class LaserLink final : private ByteLineOwner {
     std::uint64_t dropped_commands = 0;  ///< more commands than the queue holds; never in normal use
   };
 
-  LaserLink(const LaserConfig& config, EventLoop& loop, LinkTap& tap, ClockFunction clock);
+  LaserLink(const HalConfig& config, EventLoop& loop, LinkTap& tap, ClockFunction clock);
   ~LaserLink() override;
   LaserLink(const LaserLink&) = delete;
   LaserLink& operator=(const LaserLink&) = delete;
@@ -68,7 +68,6 @@ class LaserLink final : private ByteLineOwner {
   Command* push();
   void pop();
 
-  LaserConfig config_;
   LinkTap& tap_;
   ClockFunction clock_;
   FrontEnd* front_end_ = nullptr;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <fstream>
+#include <iterator>
 #include <system_error>
 
 namespace rosid::hal {
@@ -31,6 +32,13 @@ int number(const fs::path& device, const char* name, int base) {
 
 constexpr int kDecimal = 10;
 constexpr int kHexadecimal = 16;
+
+std::string describe_all(const std::vector<UsbAdapter>& adapters) {
+  std::vector<std::string> names;
+  names.reserve(adapters.size());
+  for (const UsbAdapter& adapter : adapters) { names.push_back(describe(adapter)); }
+  return fmt::format("{}", fmt::join(names, ", "));
+}
 
 }  // namespace
 
@@ -63,7 +71,26 @@ std::vector<UsbAdapter> list_usb_adapters(const std::vector<UsbId>& ids, const f
   return adapters;
 }
 
-Result<UsbAdapter> choose_usb_adapter(const std::vector<UsbAdapter>& adapters, const LaserConfig& config) {
+std::string usb_port_of(const CanConfig& can, const fs::path& root) {
+  if (!can.enabled) { return {}; }
+  std::error_code failed;
+  fs::path device = root / "sys/class/net" / can.device / "device";
+  if (can.link == CanLink::Slcan) {
+    // Often a link that udev has made.
+    const fs::path node = fs::canonical(root / fs::path(can.device).relative_path(), failed);
+    device = root / "sys/class/tty" / node.filename() / "device";
+  }
+  if (failed) { return {}; }
+  // From the driver's device up through the interface to what has a vendor.
+  for (device = fs::canonical(device, failed); !failed && device.has_relative_path(); device = device.parent_path()) {
+    std::error_code is_unknown;
+    if (fs::exists(device / "idVendor", is_unknown)) { return device.filename().string(); }
+  }
+  return {};
+}
+
+Result<UsbAdapter> choose_usb_adapter(const std::vector<UsbAdapter>& adapters, const LaserConfig& config,
+                                      const std::string& can_port) {
   if (adapters.empty()) {
     return make_error(
         ErrorCode::NotFound,
@@ -71,22 +98,33 @@ Result<UsbAdapter> choose_usb_adapter(const std::vector<UsbAdapter>& adapters, c
                     "(lsusb shows what there is)",
                     config.usb_ids));
   }
-  const auto found = std::find_if(adapters.begin(), adapters.end(), [&config](const UsbAdapter& adapter) {
+  std::vector<UsbAdapter> found;
+  std::copy_if(adapters.begin(), adapters.end(), std::back_inserter(found), [&config](const UsbAdapter& adapter) {
     return config.usb_serial.empty() || adapter.serial == config.usb_serial;
   });
-  if (found != adapters.end()) { return *found; }
-  std::vector<std::string> others;
-  others.reserve(adapters.size());
-  for (const UsbAdapter& adapter : adapters) { others.push_back(describe(adapter)); }
-  return make_error(
-      ErrorCode::NotFound,
-      fmt::format("no USB adapter has the serial number {}; plug it in, or correct laser.usb_serial: there "
-                  "is {}",
-                  config.usb_serial, fmt::join(others, ", ")));
+  if (found.empty()) {
+    return make_error(
+        ErrorCode::NotFound,
+        fmt::format("no USB adapter has the serial number {}; plug it in, or correct laser.usb_serial: there is {}",
+                    config.usb_serial, describe_all(adapters)));
+  }
+  if (found.size() > 1) {
+    return make_error(ErrorCode::InvalidArgument,
+                      fmt::format("{} USB adapters could be the laser's: {}; set laser.usb_serial to the serial number "
+                                  "of the one that is (when they cannot be told apart by it: laser.link = \"tty\")",
+                                  found.size(), describe_all(found)));
+  }
+  if (config.usb_serial.empty() && found.front().port == can_port) {
+    return make_error(ErrorCode::NotFound,
+                      fmt::format("the only USB adapter, {}, is that of can.device; plug the laser's in, or set "
+                                  "laser.usb_serial",
+                                  describe(found.front())));
+  }
+  return found.front();
 }
 
 std::string describe(const UsbAdapter& adapter) {
-  return fmt::format("USB adapter {} ({})", adapter.port,
+  return fmt::format("USB adapter {} ({}{}{})", adapter.port, adapter.product, adapter.product.empty() ? "" : ", ",
                      adapter.serial.empty() ? "without a serial number" : "serial number " + adapter.serial);
 }
 

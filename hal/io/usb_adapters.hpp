@@ -24,10 +24,16 @@ struct UsbAdapter {
 /// Those with one of the ids, in the order of their ports. root: "/" but for tests.
 std::vector<UsbAdapter> list_usb_adapters(const std::vector<UsbId>& ids, const std::filesystem::path& root = "/");
 
-/// The one that is configured: with this serial number, or the first. NotFound tells what there is instead.
-Result<UsbAdapter> choose_usb_adapter(const std::vector<UsbAdapter>& adapters, const LaserConfig& config);
+/// Port of the USB device behind the CAN bus, numbered as those of the adapters. Empty where there is none, or where
+/// the kernel shows none: with the bus switched off, or without a driver for its adapter.
+std::string usb_port_of(const CanConfig& can, const std::filesystem::path& root = "/");
 
-/// "USB adapter 1-2 (serial number A6008isP)".
+/// The laser's: with the configured serial number, or without one the only one there is, unless it stands at can_port.
+/// NotFound tells what there is instead, InvalidArgument names those among which nobody has chosen.
+Result<UsbAdapter> choose_usb_adapter(const std::vector<UsbAdapter>& adapters, const LaserConfig& config,
+                                      const std::string& can_port);
+
+/// "USB adapter 1-2 (serial number A6008isP)", or with the product "USB adapter 1-2 (FT232R USB UART, ...".
 std::string describe(const UsbAdapter& adapter);
 /// What lets a user open it.
 std::string usb_permission_advice();

@@ -16,7 +16,7 @@ class NoOpener final : public ByteLineOpener {
 
 }  // namespace
 
-std::unique_ptr<ByteLineOpener> make_usb_opener(const LaserConfig& /*config*/, EventLoop& /*loop*/,
+std::unique_ptr<ByteLineOpener> make_usb_opener(const HalConfig& /*config*/, EventLoop& /*loop*/,
                                                 ByteLineOwner& /*owner*/, ClockFunction /*clock*/) {
   return std::make_unique<NoOpener>();
 }

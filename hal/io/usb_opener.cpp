@@ -19,9 +19,10 @@ using UsbContext = std::unique_ptr<libusb_context, UsbReleaser<libusb_exit>>;
 /// Has the descriptors of libusb watched and hands its events on. One line at a time.
 class UsbOpener final : public ByteLineOpener, private EventHandler {
  public:
-  UsbOpener(const LaserConfig& config, EventLoop& loop, ByteLineOwner& owner, ClockFunction clock)
-      : config_(config),
-        ids_(parse_usb_ids(config.usb_ids).value_or(std::vector<UsbId>{})),
+  UsbOpener(const HalConfig& config, EventLoop& loop, ByteLineOwner& owner, ClockFunction clock)
+      : config_(config.laser),
+        can_(config.can),
+        ids_(parse_usb_ids(config.laser.usb_ids).value_or(std::vector<UsbId>{})),
         loop_(loop),
         owner_(owner),
         clock_(clock) {}
@@ -44,6 +45,7 @@ class UsbOpener final : public ByteLineOpener, private EventHandler {
                                     void* opener);
 
   LaserConfig config_;
+  CanConfig can_;
   std::vector<UsbId> ids_;
   EventLoop& loop_;
   ByteLineOwner& owner_;
@@ -118,7 +120,7 @@ Result<std::unique_ptr<ByteLine>> UsbOpener::open() {
   if (!context_) {
     if (auto started = start(); !started) { return tl::make_unexpected(started.error()); }
   }
-  const auto adapter = choose_usb_adapter(list_usb_adapters(ids_), config_);
+  const auto adapter = choose_usb_adapter(list_usb_adapters(ids_), config_, usb_port_of(can_));
   if (!adapter) { return tl::make_unexpected(adapter.error()); }
   auto line = UsbLine::open(*adapter, config_, context_.get(), owner_, clock_, slot_);
   if (!line) { return tl::make_unexpected(line.error()); }
@@ -145,7 +147,7 @@ void UsbOpener::handle_events() {
 
 }  // namespace
 
-std::unique_ptr<ByteLineOpener> make_usb_opener(const LaserConfig& config, EventLoop& loop, ByteLineOwner& owner,
+std::unique_ptr<ByteLineOpener> make_usb_opener(const HalConfig& config, EventLoop& loop, ByteLineOwner& owner,
                                                 ClockFunction clock) {
   return std::make_unique<UsbOpener>(config, loop, owner, clock);
 }

@@ -230,12 +230,13 @@ void add_node(const std::string& path, const std::string& subject, NodeCheck& ch
   for (Finding& finding : remarks(facts, subject)) { check.findings.push_back(std::move(finding)); }
 }
 
-void add_laser(const hal::LaserConfig& laser, NodeCheck& check) {
+void add_laser(const hal::HalConfig& config, NodeCheck& check) {
+  const hal::LaserConfig& laser = config.laser;
   if (laser.link != hal::LaserLinkKind::Usb) {
     add_node(laser.device, "laser", check);
     return;
   }
-  const UsbFacts facts = read_usb(laser);
+  const UsbFacts facts = read_usb(config);
   check.findings.push_back(judge_usb(facts));
   check.is_rosid_running |= std::any_of(facts.node.holders.begin(), facts.node.holders.end(), is_rosid);
 }
@@ -258,7 +259,7 @@ void add_can(const hal::CanConfig& can, NodeCheck& check) {
 
 NodeCheck check_nodes(const hal::HalConfig& config) {
   NodeCheck check;
-  if (config.laser.enabled) { add_laser(config.laser, check); }
+  if (config.laser.enabled) { add_laser(config, check); }
   if (hal::is_on_gpio(config.turret)) {
     const auto lines = hal::open_gpio_lines(config.gpio);
     check.findings.push_back(judge_lines(config.gpio, lines ? nullptr : &lines.error()));

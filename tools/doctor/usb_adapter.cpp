@@ -18,16 +18,20 @@ constexpr std::string_view kRuleCommand =
 
 }  // namespace
 
-UsbFacts read_usb(const hal::LaserConfig& laser, const std::filesystem::path& root) {
-  const auto ids = hal::parse_usb_ids(laser.usb_ids).value_or(std::vector<hal::UsbId>{});
-  UsbFacts facts{.adapter = hal::choose_usb_adapter(hal::list_usb_adapters(ids, root), laser), .node = {}};
+UsbFacts read_usb(const hal::HalConfig& config, const std::filesystem::path& root) {
+  const auto ids = hal::parse_usb_ids(config.laser.usb_ids).value_or(std::vector<hal::UsbId>{});
+  UsbFacts facts{.adapter = hal::choose_usb_adapter(hal::list_usb_adapters(ids, root), config.laser,
+                                                    hal::usb_port_of(config.can, root)),
+                 .node = {}};
   if (facts.adapter) { facts.node = read_node(facts.adapter->node, root); }
   return facts;
 }
 
 Finding judge_usb(const UsbFacts& facts) {
   if (!facts.adapter) {
-    return {Verdict::Fault, kSubject, facts.adapter.error().message, "lsusb; then plug it in or correct [laser]"};
+    const bool is_open_choice = facts.adapter.error().code == ErrorCode::InvalidArgument;
+    return {Verdict::Fault, kSubject, facts.adapter.error().message,
+            is_open_choice ? "set [laser] usb_serial" : "lsusb; then plug it in or correct [laser]"};
   }
   const std::string name = hal::describe(*facts.adapter);
   const auto chip = hal::ftdi_chip(facts.adapter->bcd_device);

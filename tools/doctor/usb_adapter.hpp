@@ -17,7 +17,7 @@ struct UsbFacts {
 };
 
 /// root: "/" but for tests.
-UsbFacts read_usb(const hal::LaserConfig& laser, const std::filesystem::path& root = "/");
+UsbFacts read_usb(const hal::HalConfig& config, const std::filesystem::path& root = "/");
 Finding judge_usb(const UsbFacts& facts);
 
 }  // namespace rosid::doctor

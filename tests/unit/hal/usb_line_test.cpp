@@ -164,10 +164,24 @@ TEST_F(UsbLaser, TheAdapterIsChosenByItsSerialNumber) {
     EXPECT_EQ(adapter.opens, 1);
     EXPECT_EQ(other.opens, 0);
   }
-  config.laser.usb_serial = "";
-  Host host(config);
-  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().is_open(); }));
-  EXPECT_EQ(other.opens, 1);
+}
+
+TEST_F(UsbLaser, AmongSeveralAdaptersNoneIsTakenWithoutASerialNumber) {
+  UsbAdapterModel other(bus, {.port = "1-1", .serial = "CAN00001"});
+  other.plug();
+  adapter.plug();
+  Host host(usb_laser());
+  EXPECT_TRUE(until(host, 2.0, [&] { return host.links->laser().counters().open_failures >= 1; }));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("set laser.usb_serial"));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("1-1 (serial number CAN00001)"));
+  EXPECT_THAT(host.links->last_error(Device::Laser), HasSubstr("1-2 (serial number A6008isP)"));
+  EXPECT_EQ(adapter.opens + other.opens, 0);
+  EXPECT_TRUE(adapter.has_kernel_driver && other.has_kernel_driver);
+  // The only one there is.
+  other.unplug();
+  EXPECT_TRUE(until(host, 5.0, [&] { return host.links->laser().is_open(); }));
+  EXPECT_EQ(adapter.opens, 1);
+  EXPECT_EQ(other.opens, 0);
 }
 
 TEST_F(UsbLaser, AForbiddenAdapterIsNamedWithTheRuleAndTakenWhenItMay) {
