@@ -44,7 +44,7 @@ void for_each_entry(Values& c, Plain plain, Angle angle) {
 /// The key a sentence of validate() is about, as it stands in the file; empty when it does not.
 std::string key_in(const TableReader& table, std::string_view problem) {
   const std::size_t open = problem.find('\'');
-  const std::string name(problem.substr(open + 1, problem.find('\'', open + 1) - open - 1));
+  std::string name(problem.substr(open + 1, problem.find('\'', open + 1) - open - 1));
   for (const char* suffix : {"", "_deg", "_rad"}) {
     if (table.has(name + suffix)) { return name + suffix; }
   }
