@@ -42,6 +42,9 @@ constexpr Time beam_time(const ScanLine& line, int j) {
   return line.t_first_beam + Duration{(j % interlace) * line.mirror_period_ns + j * line.beam_period_ns};
 }
 
+/// With angles less certain than this no image is made: a sharp wall at a wrong place is worse than none.
+inline constexpr double kMostTurretSigma_rad = 0.01;
+
 /// Angle of the turret (the laser's rotation about its optical axis).
 struct TurretSample {
   Time t;                  ///< instant of the reading

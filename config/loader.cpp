@@ -148,6 +148,7 @@ Loaded<RosidConfig> parse_rosid(std::string_view toml, const std::string& name) 
   TableReader calibration = root.table("calibration");
   read_calibration(calibration, config.calibration);
   report(root, "", hal::validate(config.hal));
+  report(root, "", hal::validate_wheels(config.hal, config.calibration));
   report(root, "estimator", estimator::validate(config.estimator));
   report(root, "mapping", mapping::validate(config.mapping));
   report(root, "output", validate(config.output));

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/so3.hpp"
 #include "estimator/chi_square.hpp"
@@ -52,12 +53,14 @@ void open_gate(FilterState& state, const Vec2& innovation) {
 }
 
 /// A change of slope pushes many innovations to the same side long before one of them is too large by itself.
-void follow_trend(FilterState& state, const TiltUpdate& update, double dt_s) {
-  const double keep = std::exp(-dt_s / kTrendTime_s);
+void follow_trend(FilterState& state, const TiltUpdate& update, const TickInput& input) {
+  const double keep = std::exp(-std::exchange(state.tilt_trend_age_s, 0.0) / kTrendTime_s);
   state.tilt_trend = keep * state.tilt_trend + (1.0 - keep) * update.innovation;
   state.tilt_trend_variance =
       keep * keep * state.tilt_trend_variance + (1.0 - keep) * (1.0 - keep) * update.variance.mean();
-  if (state.tilt_trend.squaredNorm() > chi_square_95(2) * state.tilt_trend_variance) { state.rough_m = kRoughWay_m; }
+  if (state.tilt_trend.squaredNorm() > chi_square_99(2) * state.tilt_trend_variance && !input.is_stationary) {
+    state.rough_m = kRoughWay_m;
+  }
 }
 
 }  // namespace
@@ -105,7 +108,7 @@ TiltUpdate update_tilt(FilterState& state, const TickInput& input, const Vec2& l
     update.outcome = AidOutcome::NumericFault;
     return update;
   }
-  follow_trend(state, update, input.dt_s);
+  follow_trend(state, update, input);
   if (update.test_ratio > 1.0) {
     ++state.tilt_rejections;
     if (state.tilt_rejections < kRejectionsUntilOpened) {

@@ -168,6 +168,7 @@ void predict(FilterState& state, const TickInput& input, const MotionModel& mode
   const Eigen::Matrix<double, kStateDim, kNoiseDim> GV = j.G * variances.asDiagonal();
   state.P.noalias() += GV * j.G.transpose();
   state.P.diagonal().segment<2>(kTiltBias).array() += model.bias_rate * input.dt_s;
+  state.tilt_trend_age_s += input.dt_s;
   state.rough_m = std::max(0.0, state.rough_m - 0.5 * input.wheels_m.cwiseAbs().sum());
   state.P.diagonal().segment<2>(kWheelScale) += model.scale_rate * input.wheels_m.cwiseAbs();
   repair_covariance(state);

@@ -57,6 +57,7 @@ struct FilterState {
   int tilt_rejections = 0;           ///< in a row
   Vec2 tilt_trend = Vec2::Zero();    ///< the inclinometer's innovations, low-passed
   double tilt_trend_variance = 0.0;  ///< of each component of it, were the innovations white
+  double tilt_trend_age_s = 0.0;     ///< since the newest of them
   double rough_m = 0.0;              ///< way for which the terrain's slope still counts as changing
   std::uint32_t tilt_readings = 0;   ///< used so far
   std::uint32_t fixes_applied = 0;

@@ -12,6 +12,10 @@ namespace {
 
 using Problems = std::vector<std::string>;
 
+// An angle known to the nearest count has the standard deviation of a count over the root of twelve; below
+// kMostTurretSigma_rad.
+constexpr double kFewestCounts = 200.0;
+
 void check_silence_limit(Problems& problems, const std::string& key, double limit_s) {
   // Not "limit_s < 0.05": that would let NaN pass.
   if (!(limit_s >= 0.05 && limit_s <= 60.0)) {
@@ -89,9 +93,9 @@ void check_gpio(Problems& problems, const HalConfig& config) {
   }
   constexpr double kMostCounts = 1e6;
   const double counts = config.turret.counts_per_turn;
-  if (!(counts >= 4.0 && counts <= kMostCounts && std::fmod(counts, 4.0) == 0.0)) {
+  if (!(counts >= kFewestCounts && counts <= kMostCounts && std::fmod(counts, 4.0) == 0.0)) {
     problems.emplace_back(
-        "turret.counts_per_turn must be a multiple of 4 up to 1000000 on GPIO: four counts for each line of the "
+        "turret.counts_per_turn must be a multiple of 4 from 200 to 1000000 on GPIO: four counts for each line of the "
         "grating");
   }
 }
@@ -278,8 +282,11 @@ std::vector<std::string> validate(const HalConfig& config) {
   }
   if (is_on_gpio(config.turret)) { check_gpio(problems, config); }
   if (is_on_can(config.turret) &&
-      !(config.turret.counts_per_turn >= 1.0 && std::isfinite(config.turret.counts_per_turn))) {
-    problems.emplace_back("turret.counts_per_turn must be at least 1: the counts of one turret revolution");
+      !(config.turret.counts_per_turn >= kFewestCounts && std::isfinite(config.turret.counts_per_turn))) {
+    problems.emplace_back(
+        "turret.counts_per_turn must be at least 200, the counts of one turret revolution: images need angles finer "
+        "than "
+        "their lines");
   } else if (is_on_can(config.turret)) {
     check_turret_range(problems, config.turret);
   }
@@ -293,6 +300,25 @@ std::vector<std::string> validate(const HalConfig& config) {
     check_silence_limit(problems, "tilt", config.tilt.silence_limit_s);
   }
   check_identifiers(problems, config);
+  return problems;
+}
+
+std::vector<std::string> validate_wheels(const HalConfig& config, const Calibration& calibration) {
+  // Half of it is what a wheel can roll unseen: half a metre is 0.1 s at 5 m/s.
+  constexpr double kShortestRange_m = 1.0;
+  Problems problems;
+  const std::array<std::pair<const char*, const EncoderConfig*>, 2> wheels{
+      {{"wheel_left", &config.wheel_left}, {"wheel_right", &config.wheel_right}}};
+  for (std::size_t side = 0; side < wheels.size(); ++side) {
+    const SignalConfig& signal = wheels[side].second->signal;
+    if (!is_on_can(*wheels[side].second) || signal.id == 0 || !has_valid_length(signal)) { continue; }
+    const double range_m = std::abs(calibration.wheel_m_per_count[side]) * static_cast<double>(range_of(signal));
+    if (range_m >= kShortestRange_m) { continue; }
+    problems.push_back(std::string(wheels[side].first) +
+                       ".signal_length_bits must let the wheel roll a metre before "
+                       "the position wraps; with calibration.wheel_m_per_count it is " +
+                       std::to_string(range_m) + " m");
+  }
   return problems;
 }
 

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/calibration.hpp"
+
 namespace rosid::hal {
 
 enum class LaserMode : std::uint8_t {
@@ -130,5 +132,8 @@ std::optional<std::vector<UsbId>> parse_usb_ids(std::string_view text);
 
 /// Every rule the values break, one sentence each, named by key; empty when usable.
 std::vector<std::string> validate(const HalConfig& config);
+
+/// What is wrong with the wheels' plain signals given how far a wheel rolls in a count; the like.
+std::vector<std::string> validate_wheels(const HalConfig& config, const Calibration& calibration);
 
 }  // namespace rosid::hal

@@ -18,8 +18,6 @@ constexpr Duration kPatience{1'500'000'000};
 constexpr Duration kClockJump{1'000'000'000};
 /// A half turn without a usable line for this long has stopped.
 constexpr Duration kStandstill{2'000'000'000};
-/// About a third of the smallest angle between two lines of a dense image.
-constexpr double kMaxTurretSigma_rad = 0.005;
 constexpr double kMaxTurretRate_rad_per_s = 6.0 * kPi;
 /// Readings that had to wait come in one batch, with stamps next to each other.
 constexpr double kStampSlack_s = 0.05;
@@ -96,7 +94,7 @@ void Assembler::add(const TurretSample& sample) {
     return;
   }
   // Not "sigma > limit": that would let NaN pass.
-  if (!(sample.sigma_rad <= std::max(kMaxTurretSigma_rad, 3.0 * calibration_.turret_sigma_rad))) {
+  if (!(sample.sigma_rad <= std::max(kMostTurretSigma_rad, 3.0 * calibration_.turret_sigma_rad))) {
     ++counters_.samples_uncertain;
     return;
   }

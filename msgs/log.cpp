@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <deque>
+#include <limits>
 #include <system_error>
 #include <utility>
 
@@ -109,6 +111,13 @@ struct LogReader::Impl {
   bool at_end = false;  // of the file; the buffer may still hold bytes
   StampCheck stamps;
 
+  struct Event {
+    std::int64_t stamp_us;
+    LogRecord record;
+  };
+  std::deque<Event> ahead;  // read, not given out yet
+  bool has_begun = false;
+
   enum class Damage : std::uint8_t { None, CutOff, Garbled };
   Damage damage = Damage::None;  // the last bytes read were no event; not counted yet
 
@@ -119,6 +128,9 @@ struct LogReader::Impl {
   void note_damage(Damage kind);
   void note_event();
   void note_end();
+  /// The next event of a known channel, whatever its time.
+  std::optional<Event> read_event();
+  void check_first_time();
 };
 
 std::span<const std::uint8_t> LogReader::Impl::peek(std::size_t count) {
@@ -184,12 +196,11 @@ Result<LogReader> LogReader::open(const std::filesystem::path& path) {
   return LogReader(std::move(impl));
 }
 
-std::optional<LogRecord> LogReader::next() {
-  Impl& in = *impl_;
+std::optional<LogReader::Impl::Event> LogReader::Impl::read_event() {
   for (;;) {
-    const auto head = in.peek(kHeaderSize);
+    const auto head = peek(kHeaderSize);
     if (head.size() < kHeaderSize) {
-      in.note_end();
+      note_end();
       return std::nullopt;
     }
     LcmReader header(head.first(kHeaderSize));
@@ -199,17 +210,17 @@ std::optional<LogRecord> LogReader::next() {
     const auto channel_size = header.get<std::uint32_t>();
     const auto data_size = header.get<std::uint32_t>();
     if (!has_sync || channel_size == 0 || channel_size > kMaxChannel || data_size > kMaxData) {
-      in.note_damage(Impl::Damage::Garbled);
-      in.resynchronise();
+      note_damage(Damage::Garbled);
+      resynchronise();
       continue;
     }
     const std::size_t event_size = kHeaderSize + channel_size + data_size;
-    const auto window = in.peek(event_size + sizeof(kSync));
+    const auto window = peek(event_size + sizeof(kSync));
     if (window.size() < event_size) {
       // The last event was cut off, which is how the log of a crash ends, or its length is damaged: in that case whole
       // events follow.
-      in.note_damage(Impl::Damage::CutOff);
-      in.resynchronise();
+      note_damage(Damage::CutOff);
+      resynchronise();
       continue;
     }
     const auto name = window.subspan(kHeaderSize, channel_size);
@@ -218,19 +229,61 @@ std::optional<LogRecord> LogReader::next() {
     LcmReader following(window.subspan(event_size));
     const bool is_framed = window.size() == event_size || following.get<std::uint32_t>() == kSync;
     if (record.has_value() || (is_framed && !is_log_channel(channel))) {
-      in.note_event();
-      in.begin += event_size;
+      note_event();
+      begin += event_size;
       if (!record.has_value()) { continue; }  // somebody else's channel
-      if (in.stamps.is_good(stamp_us, record->t)) { return record; }
-      ++in.skipped;
-      continue;
+      return Event{stamp_us, std::move(*record)};
     }
-    in.note_damage(Impl::Damage::Garbled);
+    note_damage(Damage::Garbled);
     if (is_framed) {
-      in.begin += event_size;
+      begin += event_size;
     } else {
-      in.resynchronise();
+      resynchronise();
     }
+  }
+}
+
+/// The first record's time is where everything starts, and no record before it tells whether it is right: the two
+/// behind it do. When they agree with each other but not with it, it is given the time of its stamp, or keeps its own,
+/// whichever lies nearer to theirs.
+void LogReader::Impl::check_first_time() {
+  for (int k = 0; k < 3; ++k) {
+    auto event = read_event();
+    if (!event) { return; }
+    ahead.push_back(std::move(*event));
+  }
+  const auto offset_us =
+      StampCheck::common_offset(ahead[1].stamp_us, ahead[1].record.t, ahead[2].stamp_us, ahead[2].record.t);
+  if (!offset_us) { return; }
+  stamps.expect(*offset_us);
+  Event& first = ahead[0];
+  if (stamps.is_expected(first.stamp_us, first.record.t)) { return; }
+  ++skipped;
+  const Time t_next = ahead[1].record.t;
+  constexpr Duration kNear = std::chrono::minutes(1);
+  const bool is_stamp_wrong = first.record.t <= t_next && first.record.t > t_next - kNear;
+  const auto from_stamp_us = static_cast<std::int64_t>(static_cast<std::uint64_t>(first.stamp_us) - *offset_us);
+  constexpr std::int64_t kMost_us = std::numeric_limits<std::int64_t>::max() / 1000;
+  if (!is_stamp_wrong && from_stamp_us < kMost_us && from_stamp_us > -kMost_us) {
+    first.record.t = time_from_ns(from_stamp_us * 1000);
+  }
+  first.stamp_us = static_cast<std::int64_t>(*offset_us + static_cast<std::uint64_t>(to_ns(first.record.t) / 1000));
+}
+
+std::optional<LogRecord> LogReader::next() {
+  Impl& in = *impl_;
+  if (!std::exchange(in.has_begun, true)) { in.check_first_time(); }
+  for (;;) {
+    std::optional<Impl::Event> event;
+    if (in.ahead.empty()) {
+      event = in.read_event();
+    } else {
+      event = std::move(in.ahead.front());
+      in.ahead.pop_front();
+    }
+    if (!event) { return std::nullopt; }
+    if (in.stamps.is_good(event->stamp_us, event->record.t)) { return std::move(event->record); }
+    ++in.skipped;
   }
 }
 

@@ -16,10 +16,20 @@ namespace rosid::msgs {
 /// allocation.
 class StampCheck {
  public:
+  /// Offset that two records in a row agree on.
+  static std::optional<std::uint64_t> common_offset(std::int64_t stamp_a_us, Time a, std::int64_t stamp_b_us, Time b) {
+    const std::uint64_t offset_us = offset_of(stamp_a_us, a);
+    return is_near(offset_us, offset_of(stamp_b_us, b)) ? std::optional(offset_us) : std::nullopt;
+  }
+  /// From the first record on this offset is the right one.
+  void expect(std::uint64_t offset_us) { offset_us_ = offset_us; }
+  bool is_expected(std::int64_t stamp_us, Time t) const {
+    return offset_us_.has_value() && is_near(offset_of(stamp_us, t), *offset_us_);
+  }
+
   /// For records in file order. Whether the record's time can be believed.
   bool is_good(std::int64_t stamp_us, Time t) {
-    // Unsigned, because damaged numbers may differ by more than 63 bits hold.
-    const auto offset_us = static_cast<std::uint64_t>(stamp_us) - static_cast<std::uint64_t>(to_ns(t) / 1000);
+    const std::uint64_t offset_us = offset_of(stamp_us, t);
     const bool is_as_before = !offset_us_.has_value() || is_near(offset_us, *offset_us_);
     const bool is_as_doubted = doubted_us_.has_value() && is_near(offset_us, *doubted_us_);
     if (!is_as_before && !is_as_doubted) {
@@ -34,6 +44,11 @@ class StampCheck {
  private:
   // Wide enough for the delays of a program that records a replayed log from the network.
   static constexpr std::int64_t kTolerance_us = 100'000;
+
+  /// Unsigned, because damaged numbers may differ by more than 63 bits hold.
+  static std::uint64_t offset_of(std::int64_t stamp_us, Time t) {
+    return static_cast<std::uint64_t>(stamp_us) - static_cast<std::uint64_t>(to_ns(t) / 1000);
+  }
 
   static bool is_near(std::uint64_t a, std::uint64_t b) {
     const std::uint64_t forward = a - b;

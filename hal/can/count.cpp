@@ -16,6 +16,11 @@ void CountUnwrapper::set_range(std::uint32_t range) {
   has_position_ = false;
 }
 
+void CountUnwrapper::configure_range(std::uint32_t range) {
+  set_range(range);
+  is_range_configured_ = true;
+}
+
 CountUnwrapper::Outcome CountUnwrapper::start_at(Time t, std::uint32_t position) {
   if (kind_ == Kind::Absolute) {
     count_ = static_cast<std::int64_t>(position);
@@ -34,7 +39,7 @@ CountUnwrapper::Outcome CountUnwrapper::start_at(Time t, std::uint32_t position)
 CountUnwrapper::Outcome CountUnwrapper::update(Time t, std::uint32_t position) {
   if (position >= range_) {
     // What it announced was not its range.
-    set_range(0);
+    if (!is_range_configured_) { set_range(0); }
     return Outcome::Malformed;
   }
   if (!has_position_) { return start_at(t, position); }

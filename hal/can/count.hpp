@@ -23,8 +23,10 @@ class CountUnwrapper {
   /// max_rate: counts per second that are physically possible.
   CountUnwrapper(Kind kind, double max_rate) : kind_(kind), max_rate_(max_rate) {}
 
-  /// Positions run from 0 to range - 1; 0 or 1: the full 32 bits.
+  /// Positions run from 0 to range - 1; 0 or 1: the full 32 bits. An announced range is given up for the full one by a
+  /// position beyond it, a configured one is not.
   void set_range(std::uint32_t range);
+  void configure_range(std::uint32_t range);
   /// The encoder started anew: the next position is a new origin.
   void forget_position() { has_position_ = false; }
 
@@ -42,6 +44,7 @@ class CountUnwrapper {
   Kind kind_;
   double max_rate_;
   std::uint64_t range_ = std::uint64_t{1} << 32U;
+  bool is_range_configured_ = false;
   bool has_position_ = false;
   std::uint32_t position_ = 0;
   Time t_;

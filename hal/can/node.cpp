@@ -36,6 +36,7 @@ void Node::on_link(Time now, bool is_open) {
   has_delivered_ = false;
   is_lost_ = false;
   is_heard_ = false;
+  is_mapping_wrong_ = false;  // it may be another device
   bad_streak_ = 0;
   emergency_ = 0;
   pause_ = kPauseMin;
@@ -52,6 +53,7 @@ void Node::begin(Time now) {
   ++counters_.setups;
   phase_ = Phase::Setup;
   has_answered_ = false;
+  is_mapping_refused_ = false;
   tpdo1_entry_ = cob::kTpdo1 + static_cast<std::uint32_t>(node_id_);
   step_ = 0;
   tries_ = 0;
@@ -100,6 +102,7 @@ bool Node::is_read_step() const {
 }
 
 void Node::next_step(Time now, bool was_refused) {
+  if (was_refused && steps_[step_].kind == SetupStep::Kind::WriteMapping) { is_mapping_refused_ = true; }
   ++step_;
   while (step_ < steps_.size() && is_skipped(steps_[step_], was_refused)) {
     was_refused = false;
@@ -206,7 +209,8 @@ void Node::on_sdo(Time now, const CanFrame& frame) {
   }
   const SetupStep& step = steps_[step_];
   const bool is_in_use = step.object == kTpdo1Mapped && step.value != 0;
-  if (is_done && step.kind == SetupStep::Kind::WriteMapping && is_in_use) { is_mapping_wrong_ = false; }
+  // All of it was written, or the next set-up reads what it is now.
+  if (is_done && step.kind == SetupStep::Kind::WriteMapping && is_in_use) { is_mapping_wrong_ = is_mapping_refused_; }
   next_step(now, !is_done);
 }
 
@@ -253,10 +257,14 @@ void Node::on_data(Time t, const CanFrame& frame) {
   t_last_frame_ = t;
   last_data_ = frame.data;
   last_length_ = frame.length;
-  // Data known to be mapped otherwise are not what they would be taken for.
-  const Verdict verdict =
-      is_mapping_wrong_ ? Verdict::Malformed : actions_.on_process_data(t, std::span(frame.data).first(frame.length));
   has_delivered_ = true;
+  if (is_mapping_wrong_) {
+    // Not what it would be taken for; the set-up is repeated, with growing pauses, as if nothing had come.
+    bad_streak_ = std::min(bad_streak_ + 1, kBadStreak);
+    ++counters_.format_errors;
+    return;
+  }
+  const Verdict verdict = actions_.on_process_data(t, std::span(frame.data).first(frame.length));
   switch (verdict) {
     case Verdict::Accepted:
       bad_streak_ = 0;
@@ -286,8 +294,13 @@ void Node::send_nmt(NmtCommand command) {
   actions_.send(nmt_frame(command, node_id_));
 }
 
+bool Node::is_wrongly_mapped() const {
+  return is_mapping_wrong_ && bad_streak_ >= kBadStreak;
+}
+
 DeviceState Node::state() const {
   if (phase_ == Phase::Closed) { return DeviceState::Absent; }
+  if (is_wrongly_mapped()) { return DeviceState::Faulty; }
   if (phase_ == Phase::Running) {
     const bool is_faulty = bad_streak_ >= kBadStreak || (emergency_ != 0 && concerns_measurement(emergency_));
     return is_faulty ? DeviceState::Faulty : DeviceState::Running;
@@ -298,6 +311,9 @@ DeviceState Node::state() const {
 
 const char* Node::detail() const {
   if (emergency_ != 0) { return emergency_text(emergency_); }
+  if (is_wrongly_mapped()) {
+    return "its process data are mapped otherwise (1A00h), and it does not let them be mapped";
+  }
   switch (phase_) {
     case Phase::Closed: return "link is closed";
     case Phase::Setup:
@@ -305,11 +321,7 @@ const char* Node::detail() const {
       if (pause_ > kPauseMin) { break; }  // not the first attempt
       if (plain_) { return "no frame with this identifier yet"; }
       return phase_ == Phase::Setup ? "setting up by SDO" : "started, no process data yet";
-    case Phase::Running:
-      if (is_mapping_wrong_) {
-        return "its process data are mapped otherwise (1A00h), and it does not let them be mapped";
-      }
-      return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
+    case Phase::Running: return bad_streak_ >= kBadStreak ? "process data make no sense" : "running";
     case Phase::BackOff: break;
   }
   if (plain_) { return "no frame with this identifier; check signal_id, bit rate and termination"; }

@@ -94,6 +94,8 @@ class Node {
   const Counters& counters() const { return counters_; }
 
  private:
+  /// Its data cannot be used, and it has sent some.
+  bool is_wrongly_mapped() const;
   enum class Phase : std::uint8_t { Closed, Setup, Starting, Running, BackOff };
 
   void begin(Time now);
@@ -128,6 +130,7 @@ class Node {
   std::uint16_t emergency_ = 0;
   std::uint32_t tpdo1_entry_ = 0;  // object 1800.1 as read or written
   bool is_mapping_wrong_ = false;
+  bool is_mapping_refused_ = false;  // in this set-up
   Time t_last_data_;
   Time t_last_frame_;  // of process data, accepted or not
   std::array<std::uint8_t, 8> last_data_{};

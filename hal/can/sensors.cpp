@@ -88,7 +88,9 @@ EncoderSensor::EncoderSensor(const EncoderConfig& config, CountUnwrapper::Kind k
       node_(make_node(config.signal, config.node_id, config.silence_limit_s, kEncoderSteps, *this)) {
   // A sensor that is switched off may have any length: nobody looked at it.
   const bool is_usable = config.signal.length_bits > 0 && config.signal.length_bits <= 32;
-  if (config.signal.id != 0 && is_usable) { counter_.set_range(static_cast<std::uint32_t>(range_of(config.signal))); }
+  if (config.signal.id != 0 && is_usable) {
+    counter_.configure_range(static_cast<std::uint32_t>(range_of(config.signal)));
+  }
 }
 
 void EncoderSensor::send(const CanFrame& frame) {

@@ -42,8 +42,6 @@ class IndexCheck {
   bool is_gone() const { return missed_in_a_row_ >= kMostMissed; }
   /// The index comes again and again after the same number of counts, but not after those of a turn.
   bool is_turn_wrong() const { return equal_spacings_ >= kMostMissed; }
-  /// Counts between the last two passes of the index, 0 before.
-  std::int64_t spacing() const { return spacing_; }
 
  private:
   Result judge(std::int64_t count);

@@ -259,7 +259,6 @@ void QuadratureDecoder::commit_index() {
   // The same flank of the pulse, whichever way it is passed.
   if (!pending.has_motion || pending.edge.is_rising != pending.is_upwards) { return; }
   apply(index_.on_index(index_position(pending)));
-  if (index_.is_turn_wrong()) { name_wrong_turn(); }
 }
 
 /// A flank that falls together with an edge comes before or after it by chance: time tells the place, not the order.

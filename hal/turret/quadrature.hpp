@@ -112,7 +112,6 @@ class QuadratureDecoder {
   void resynchronise(const Pending& pending, bool a, bool b);
   void move(const Pending& pending, bool is_upwards);
   void watch_channels(EdgeLine line);
-  void name_wrong_turn();
   std::int64_t index_position(const Pending& pending) const;
   void apply(const IndexCheck::Result& result);
   void deliver(Time from, Time until);
@@ -120,6 +119,8 @@ class QuadratureDecoder {
   bool is_certain() const { return config_.has_index ? index_.is_certain() : doubt_counts_ == 0; }
   bool may_deliver() const;
   QuadratureReading reading(Time t, const TrackPoint& point) const;
+  /// Edges were lost, and without an index nobody will ever know how many.
+  bool is_angle_lost() const;
   bool is_storm() const { return storm_glitches_ > 0; }
 
   QuadratureConfig config_;
@@ -128,7 +129,6 @@ class QuadratureDecoder {
   Duration shortest_pulse_;
   QuadratureCounters counters_;
   IndexCheck index_;
-  std::array<char, 128> wrong_turn_{};  // text
   AngleTrack track_;
 
   bool is_open_ = false;

@@ -1,16 +1,23 @@
 // What the decoder says about the encoder and its lines.
 
-#include <fmt/format.h>
+#include <numbers>
 
+#include "base/samples.hpp"
 #include "hal/turret/quadrature.hpp"
 
 namespace rosid::hal {
+
+bool QuadratureDecoder::is_angle_lost() const {
+  // Each lost count lies anywhere between one step to the one side and one to the other.
+  const double sigma_rad = rad_per_count_ * static_cast<double>(doubt_counts_) / std::numbers::sqrt3;
+  return !config_.has_index && sigma_rad > kMostTurretSigma_rad;
+}
 
 DeviceState QuadratureDecoder::state() const {
   if (!is_open_) { return DeviceState::Absent; }
   if (!has_edge_) { return DeviceState::Connecting; }
   if (t_now_ - t_heard_ > config_.silence_limit) { return DeviceState::Silent; }
-  const bool is_faulty = bad_stamps_in_a_row_ >= kWrongClock || is_storm() || is_channel_dead_ ||
+  const bool is_faulty = bad_stamps_in_a_row_ >= kWrongClock || is_storm() || is_channel_dead_ || is_angle_lost() ||
                          (config_.has_index && (index_.is_gone() || index_.is_turn_wrong()));
   if (is_faulty) { return DeviceState::Faulty; }
   return may_deliver() ? DeviceState::Running : DeviceState::Configuring;
@@ -39,16 +46,15 @@ const char* QuadratureDecoder::detail() const {
     return edges_alone_[0] >= kMostAlone ? "A changes, but B does not; check line B"
                                          : "B changes, but A does not; check line A";
   }
-  if (index_.is_turn_wrong()) { return wrong_turn_.data(); }
+  if (is_angle_lost()) {
+    return "so many edges were lost that the angle is not known, and there is no index to find it by; restart rosid "
+           "with "
+           "the turret at its zero, or connect the index";
+  }
+  if (index_.is_turn_wrong()) {
+    return "the index comes again and again after another number of counts than turret.counts_per_turn";
+  }
   return "the index does not come any more; check line Z";
-}
-
-void QuadratureDecoder::name_wrong_turn() {
-  const auto end = fmt::format_to_n(wrong_turn_.data(), wrong_turn_.size() - 1,
-                                    "the index comes every {} counts, turret.counts_per_turn says {}", index_.spacing(),
-                                    config_.counts_per_turn)
-                       .out;
-  *end = '\0';
 }
 
 }  // namespace rosid::hal

@@ -54,7 +54,8 @@ class FakeNode {
       answers.push_back(co::sdo_abort(co::cob::kSdoAnswer, id_, message->object, 0x06020000));
     } else if (message->kind == co::SdoMessage::Kind::Read) {
       answers.push_back(co::sdo_read_answer(id_, message->object, found->second.value, found->second.size));
-    } else if (is_mapping_fixed && message->object.index == co::kTpdo1Mapped.index) {
+    } else if (is_mapping_fixed && message->object.index == co::kTpdo1Mapped.index &&
+               !(is_number_free && message->object.sub == 0)) {
       answers.push_back(co::sdo_abort(co::cob::kSdoAnswer, id_, message->object, 0x06010002));
     } else {
       if (message->object.index == co::kTpdo1Mapped.index) {
@@ -87,6 +88,7 @@ class FakeNode {
   bool answers_sdo = true;
   bool is_operational = false;
   bool is_mapping_fixed = false;
+  bool is_number_free = false;  // of its entries, all the same
   int nmt = 0;
   int mapping_writes = 0;
   int writes_while_on = 0;  // of these
@@ -297,6 +299,23 @@ TEST(CanSensors, ValuesOfAMappingThatCannotBeChangedAreNoPositions) {
   vehicle.bench.turret.clear();
   vehicle.run(1.0);
   EXPECT_TRUE(vehicle.bench.turret.empty());
+}
+
+TEST(CanSensors, AnEntryThatCannotBeChangedIsNoMappingEvenIfTheirNumberCan) {
+  Vehicle vehicle;
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1Mapped)] = {1, 1};
+  vehicle.turret.objects[FakeNode::key(co::kTpdo1First)] = {0x60300110U, 4};  // speed
+  vehicle.turret.is_mapping_fixed = true;
+  vehicle.turret.is_number_free = true;
+  vehicle.bench.front_end.on_can_link(vehicle.bench.now, true);
+  vehicle.run(3.0);
+  EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Faulty);
+  EXPECT_TRUE(vehicle.bench.turret.empty());
+  // It was a mood: the set-up is repeated.
+  vehicle.turret.is_mapping_fixed = false;
+  vehicle.run(10.0);
+  EXPECT_EQ(vehicle.state(Device::Turret), DeviceState::Running);
+  EXPECT_FALSE(vehicle.bench.turret.empty());
 }
 
 TEST(CanSensors, ARebootIsSetUpAgainAndTheCountMarkedLost) {

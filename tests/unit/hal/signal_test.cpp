@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "base/units.hpp"
+#include "hal/can/count.hpp"
 #include "tests/unit/hal/bench.hpp"
 #include "tests/unit/hal/hex.hpp"
 
@@ -180,6 +181,26 @@ TEST(PlainSensors, ATurretWrapsAtWholeTurns) {
   EXPECT_TRUE(validate(config).empty());
   config.turret.signal.range = 1 << 25;  // more than its bits
   EXPECT_THAT(validate(config), testing::Contains(HasSubstr("turret.signal_range must be 0, or 2 to")));
+}
+
+TEST(PlainSensors, AWheelRollsAMetreBeforeItsPositionWraps) {
+  HalConfig config = plain_sensors();
+  Calibration calibration;
+  calibration.wheel_m_per_count = {0.0005, 0.0005};
+  EXPECT_TRUE(validate_wheels(config, calibration).empty());
+  config.wheel_right.signal.length_bits = 8;
+  EXPECT_THAT(validate_wheels(config, calibration),
+              testing::ElementsAre(HasSubstr("wheel_right.signal_length_bits must let the wheel roll a metre")));
+}
+
+TEST(PlainSensors, APositionBeyondItsRangeDoesNotChangeTheRange) {
+  CountUnwrapper counter(CountUnwrapper::Kind::Absolute, 1e5);
+  counter.configure_range(36000);
+  ASSERT_EQ(counter.update(time_from_s(1.0), 35990), CountUnwrapper::Outcome::Accepted);
+  EXPECT_EQ(counter.update(time_from_s(1.01), 0xFFFF), CountUnwrapper::Outcome::Malformed);
+  ASSERT_EQ(counter.update(time_from_s(1.02), 10), CountUnwrapper::Outcome::Accepted);
+  EXPECT_EQ(counter.count(), 36010);
+  EXPECT_FALSE(counter.was_lost());
 }
 
 TEST(PlainSensors, APositionWrapsAtItsRange) {

@@ -248,6 +248,28 @@ TEST(Log, ATimeThatDoesNotFitItsStampIsSkipped) {
   }
 }
 
+// The first time is the start of the drive.
+TEST(Log, ADamagedFirstTimeIsTakenFromItsStamp) {
+  const TemporaryDirectory directory;
+  const auto records = some_records();
+  const auto bytes = log_bytes(directory, records);
+  const std::size_t time = 28 + kChannelConfig.size() + 8;
+  for (const std::size_t at : {std::size_t{12}, std::size_t{14}, time, time + 1, time + 3}) {
+    put_byte(directory / "log", at, static_cast<char>(static_cast<unsigned char>(bytes[at]) ^ 0x10U));
+    auto reader = LogReader::open(directory / "log");
+    ASSERT_TRUE(reader);
+    const auto first = reader->next();
+    ASSERT_TRUE(first.has_value());
+    EXPECT_LE(std::abs(to_s(first->t - records.front().t)), 1e-6) << at;
+    EXPECT_TRUE(std::holds_alternative<ConfigRecord>(first->body));
+    int others = 0;
+    while (reader->next()) { ++others; }
+    EXPECT_EQ(others + 1, static_cast<int>(records.size())) << at;
+    EXPECT_EQ(reader->skipped(), 1U);
+    put_byte(directory / "log", at, bytes[at]);
+  }
+}
+
 TEST(StampCheck, AnotherOffsetIsBelievedWhenItIsSaidTwice) {
   StampCheck check;
   EXPECT_TRUE(check.is_good(1'000'000, time_from_s(5.0)));
