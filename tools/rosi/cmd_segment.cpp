@@ -1,9 +1,8 @@
-// rosi segment: one range image into surface patches.
+// rosi segment: range images into surface patches, and what these are worth against the truth.
 
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -19,7 +18,9 @@
 #include "tools/rosi/log_images.hpp"
 #include "tools/rosi/patch_mesh.hpp"
 #include "tools/rosi/range_image_files.hpp"
+#include "tools/rosi/segment_drive.hpp"
 #include "tools/rosi/segment_report.hpp"
+#include "tools/rosi/segment_truth.hpp"
 
 namespace rosid::rosi {
 namespace {
@@ -30,9 +31,14 @@ struct SegmentOptions {
   fs::path image;
   fs::path png;
   fs::path gltf;
+  std::string truth;
+  fs::path trajectory;
   std::uint32_t view = 0;
   int repeat = 1;
+  bool all = false;
   bool json = false;
+
+  bool is_log() const { return image.extension() == ".log"; }
 };
 
 /// What there is to segment and how the sensor that made it errs.
@@ -57,15 +63,25 @@ Result<Input> load_view(const SegmentOptions& options) {
 }
 
 Result<Input> load(const SegmentOptions& options) {
-  if (options.image.extension() == ".log") { return load_view(options); }
+  if (options.is_log()) { return load_view(options); }
   auto image = read_range_image(options.image);
   if (!image) { return tl::unexpected<Error>(image.error()); }
   return Input{std::move(*image), {}};
 }
 
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
+Result<std::optional<TruthSource>> load_truth(const SegmentOptions& options) {
+  constexpr const char* kIntensity = "intensity";
+  if (options.truth.empty()) { return std::optional<TruthSource>(); }
+  if (options.is_log() == (options.truth == kIntensity)) {
+    return make_error(
+        ErrorCode::InvalidArgument,
+        fmt::format("--truth {} does not fit '{}': a drive log takes its labels folder, a .pcd takes '{}'",
+                    options.truth, options.image.string(), kIntensity));
+  }
+  auto source =
+      options.is_log() ? TruthSource::of_drive(options.truth, options.trajectory) : TruthSource::of_scan(options.image);
+  if (!source) { return tl::unexpected<Error>(source.error()); }
+  return std::optional<TruthSource>(std::move(*source));
 }
 
 Result<void> write_pictures(const SegmentOptions& options, const Input& input, const mapping::SurfaceView& view) {
@@ -79,9 +95,34 @@ Result<void> write_pictures(const SegmentOptions& options, const Input& input, c
   return write_file(options.gltf, to_gltf(patches));
 }
 
-ExitCode run(const SegmentOptions& options) {
+Result<nlohmann::json> score_view(const TruthSource& truth, const mapping::RangeImage& image,
+                                  const mapping::SurfaceView& view) {
+  const auto of_view = truth.at(image);
+  if (!of_view) { return tl::unexpected<Error>(of_view.error()); }
+  SegmentationScore score;
+  score.add(image, view, *of_view);
+  return score.to_json();
+}
+
+void print_view(const mapping::RangeImage& image, const mapping::SurfaceView& view, const nlohmann::json& report) {
+  fmt::print("{} x {} pixels, {} valid, {} patches, {:.1f} % covered, rms {:.1f} mm, {:.1f} ms\n", image.lines,
+             image.columns, report["valid"].get<int>(), view.patches.size(),
+             100.0 * report["coverage_fraction"].get<double>(), report["rms_mm"].get<double>(),
+             report["time_ms"].get<double>());
+  for (const mapping::Patch& patch : view.patches) {
+    const Vec3& n = patch.plane.normal;
+    fmt::print("{:4} {:7} px {:8.3f} m2  normal {:6.3f} {:6.3f} {:6.3f}  offset {:7.3f} m  rms {:5.1f} mm\n", patch.id,
+               patch.attributes.pixel_count, patch.attributes.area_m2, n.x(), n.y(), n.z(), patch.plane.rho(),
+               1e3 * patch.attributes.rms_m);
+  }
+  if (report.contains("score")) { fmt::print("{}", to_table(report["score"])); }
+}
+
+ExitCode run_view(const SegmentOptions& options) {
   auto input = load(options);
   if (!input) { return fail("segment", input.error()); }
+  const auto truth = load_truth(options);
+  if (!truth) { return fail("segment", truth.error()); }
   // A view of a log goes the way it goes in rosid, its motion corrected; a scan by others has none.
   mapping::ViewReducer reducer(input->config.mapping.segmenter, input->config.calibration);
   const mapping::RangeImage original = input->image;
@@ -95,37 +136,61 @@ ExitCode run(const SegmentOptions& options) {
   }
   nlohmann::json report = describe_view(input->image, view);
   report["time_ms"] = median(times_ms);
+  if (*truth) {
+    const auto score = score_view(**truth, input->image, view);
+    if (!score) { return fail("segment", score.error()); }
+    report["score"] = *score;
+  }
   if (const auto written = write_pictures(options, *input, view); !written) { return fail("segment", written.error()); }
   if (options.json) {
     fmt::print("{}\n", report.dump());
-    return ExitCode::Ok;
-  }
-  fmt::print("{} x {} pixels, {} valid, {} patches, {:.1f} % covered, rms {:.1f} mm, {:.1f} ms\n", input->image.lines,
-             input->image.columns, report["valid"].get<int>(), view.patches.size(),
-             100.0 * report["coverage_fraction"].get<double>(), report["rms_mm"].get<double>(), median(times_ms));
-  for (const mapping::Patch& patch : view.patches) {
-    const Vec3& n = patch.plane.normal;
-    fmt::print("{:4} {:7} px {:8.3f} m2  normal {:6.3f} {:6.3f} {:6.3f}  offset {:7.3f} m  rms {:5.1f} mm\n", patch.id,
-               patch.attributes.pixel_count, patch.attributes.area_m2, n.x(), n.y(), n.z(), patch.plane.rho(),
-               1e3 * patch.attributes.rms_m);
+  } else {
+    print_view(input->image, view, report);
   }
   return ExitCode::Ok;
+}
+
+ExitCode run_drive(const SegmentOptions& options) {
+  if (!options.is_log()) {
+    return fail("segment",
+                Error{ErrorCode::InvalidArgument,
+                      fmt::format("--all is for drive logs (.log); '{}' is one image", options.image.string())});
+  }
+  const auto truth = load_truth(options);
+  if (!truth) { return fail("segment", truth.error()); }
+  const auto report = segment_drive(options.image, *truth ? &**truth : nullptr);
+  if (!report) { return fail("segment", report.error()); }
+  fmt::print("{}", options.json ? report->dump() + "\n" : describe_drive(*report));
+  return ExitCode::Ok;
+}
+
+ExitCode run(const SegmentOptions& options) {
+  return options.all ? run_drive(options) : run_view(options);
 }
 
 }  // namespace
 
 void register_segment(CLI::App& app, CommandState& state) {
-  CLI::App* command = app.add_subcommand("segment", "Reduce one range image to surface patches");
+  CLI::App* command = app.add_subcommand("segment", "Reduce range images to surface patches, score them");
   command->footer(
-      "IMAGE is a drive log with --view K, a tilting scan of 3DTK (.3d), or an organised .pcd or .ply.\n"
-      "Example: rosi segment drive/drive.log --view 5 --png view5.png");
+      "IMAGE is a drive log with --view K or --all, a tilting scan of 3DTK (.3d), or an organised .pcd or .ply.\n"
+      "Example: rosi segment drive/drive.log --view 5 --png view5.png\n"
+      "         rosi segment drive/drive.log --all --truth drive/labels\n"
+      "         rosi segment test_100.pcd --truth intensity");
   auto options = std::make_shared<SegmentOptions>();
   command->add_option("IMAGE", options->image, "drive log or scan file")->required();
-  command->add_option("--view", options->view, "which finished image of the log, from 0");
-  command->add_option("--repeat", options->repeat, "time the segmentation so often and take the median")
-      ->check(CLI::Range(1, 10000));
-  command->add_option("--png", options->png, "draw range image and labels");
-  command->add_option("--gltf", options->gltf, "write the patches as glTF");
+  auto* view = command->add_option("--view", options->view, "which finished image of the log, from 0");
+  auto* repeat = command->add_option("--repeat", options->repeat, "time the segmentation so often and take the median")
+                     ->check(CLI::Range(1, 10000));
+  auto* png = command->add_option("--png", options->png, "draw range image and labels");
+  auto* gltf = command->add_option("--gltf", options->gltf, "write the patches as glTF");
+  auto* all = command->add_flag("--all", options->all, "every view of the log, sums only");
+  all->excludes(view)->excludes(repeat)->excludes(png)->excludes(gltf);
+  auto* truth = command->add_option("--truth", options->truth,
+                                    "score against the labels folder of a simulated drive, or 'intensity' of a .pcd");
+  command
+      ->add_option("--trajectory", options->trajectory, "true way of the drive (default: truth.tum beside the labels)")
+      ->needs(truth);
   command->add_flag("--json", options->json, "print one JSON object");
   command->callback([options, &state] { state.exit_code = run(*options); });
 }

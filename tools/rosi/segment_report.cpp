@@ -33,29 +33,35 @@ nlohmann::json patch_json(const mapping::Patch& patch) {
 
 }  // namespace
 
-nlohmann::json describe_view(const mapping::RangeImage& image, const mapping::SurfaceView& view) {
-  std::size_t valid = 0;
-  std::size_t labelled = 0;
+void ViewSums::add(const mapping::RangeImage& image, const mapping::SurfaceView& view) {
   for (std::size_t k = 0; k < image.size(); ++k) {
     if (std::isnan(image.range_m[k])) { continue; }
-    ++valid;
-    labelled += view.labels[k] != 0 ? 1U : 0U;
+    ++valid_px;
+    labelled_px += view.labels[k] != 0 ? 1U : 0U;
   }
-  double square_sum = 0.0;
-  double count = 0.0;
-  nlohmann::json patches = nlohmann::json::array();
+  patches += view.patches.size();
   for (const mapping::Patch& patch : view.patches) {
-    patches.push_back(patch_json(patch));
     square_sum += patch.attributes.rms_m * patch.attributes.rms_m * patch.attributes.pixel_count;
-    count += patch.attributes.pixel_count;
+    residuals += patch.attributes.pixel_count;
   }
-  return {{"lines", image.lines},
-          {"columns", image.columns},
-          {"pixels", image.size()},
-          {"valid", valid},
-          {"patches", patches},
-          {"coverage_fraction", valid == 0 ? 0.0 : static_cast<double>(labelled) / static_cast<double>(valid)},
-          {"rms_mm", count > 0.0 ? std::sqrt(square_sum / count) * 1e3 : 0.0}};
+}
+
+double ViewSums::coverage_fraction() const {
+  return valid_px == 0 ? 0.0 : static_cast<double>(labelled_px) / static_cast<double>(valid_px);
+}
+
+double ViewSums::rms_mm() const {
+  return residuals > 0.0 ? std::sqrt(square_sum / residuals) * 1e3 : 0.0;
+}
+
+nlohmann::json describe_view(const mapping::RangeImage& image, const mapping::SurfaceView& view) {
+  ViewSums sums;
+  sums.add(image, view);
+  nlohmann::json patches = nlohmann::json::array();
+  for (const mapping::Patch& patch : view.patches) { patches.push_back(patch_json(patch)); }
+  return {{"lines", image.lines},   {"columns", image.columns}, {"pixels", image.size()},
+          {"valid", sums.valid_px}, {"patches", patches},       {"coverage_fraction", sums.coverage_fraction()},
+          {"rms_mm", sums.rms_mm()}};
 }
 
 RgbImage draw_view(const mapping::RangeImage& image, const mapping::SurfaceView& view) {

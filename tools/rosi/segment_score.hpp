@@ -1,0 +1,70 @@
+#pragma once
+// What a segmentation of many views is worth, against the truth (docs/segmentation.md).
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "base/pose.hpp"
+#include "mapping/patch.hpp"
+#include "mapping/range_image.hpp"
+#include "tools/rosi/hoover.hpp"
+#include "tools/rosi/label_files.hpp"
+
+namespace rosid::rosi {
+
+/// What is true of one view.
+struct ViewTruth {
+  std::vector<std::uint16_t> surface;  ///< of each pixel, 0: none
+  /// With the surfaces' shapes: true vehicle at the view's reference time. Without shapes nothing is scored by area.
+  RigidTransform X_WV;
+  std::map<std::uint16_t, LabelledSurface> shapes;  ///< by surface id; empty: not known
+};
+
+/// Sums over views. Pixels without a return are neither true nor found.
+class SegmentationScore {
+ public:
+  static constexpr std::array<double, 6> kTolerances{0.51, 0.6, 0.7, 0.8, 0.9, 0.95};
+  static constexpr int kMinRegion_px = 100;     ///< true regions must be larger
+  static constexpr int kNormalRegion_px = 500;  ///< correct regions must be larger for the error of their normal
+  static constexpr int kMinCylinder_px = 300;
+  static constexpr double kMinCylinderRadius_m = 0.10;
+
+  /// Precondition: labels of the view and surfaces of the truth have the image's size. The image is as the patches saw
+  /// it.
+  void add(const mapping::RangeImage& image, const mapping::SurfaceView& view, const ViewTruth& truth);
+
+  /// "views", "tolerances" (a list, see docs/segmentation.md) and, with shapes, "cylinders".
+  nlohmann::json to_json() const;
+
+ private:
+  struct Counts {
+    HooverScore sum;  ///< without pairs
+    void add(const HooverScore& score);
+  };
+  struct AtTolerance {
+    Counts pixels;
+    Counts area;
+    double normal_error_sum = 0.0;  ///< rad m^2
+    double normal_area_m2 = 0.0;
+    int normal_regions = 0;
+  };
+
+  void add_normals(AtTolerance& sums, const std::vector<RegionPair>& correct, const RegionOverlap& by_area,
+                   const mapping::SurfaceView& view, const ViewTruth& truth) const;
+  void add_cylinders(const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth);
+
+  int views_ = 0;
+  bool has_shapes_ = false;
+  std::array<AtTolerance, kTolerances.size()> at_{};
+  int cylinders_seen_ = 0;
+  int cylinders_found_ = 0;
+};
+
+/// The object of to_json() as a table for people.
+std::string to_table(const nlohmann::json& score);
+
+}  // namespace rosid::rosi
