@@ -95,6 +95,79 @@ TEST_F(Rosi, WhatIsNoneOfItsFilesIs65) {
   EXPECT_EQ(run({"segment", file("a.pcd", "VERSION .7\nFIELDS x\n")}).code, 65);
 }
 
+/// One room, looked at for a few seconds.
+constexpr const char* kRoom = R"(name = "room"
+[[floor]]
+corner = [-1.0, -1.0]
+size = [8.0, 7.0]
+[[room]]
+corner = [0.0, 0.0]
+size = [6.0, 5.0]
+height = 2.6
+thickness = 0.2
+[drive]
+start = [1.0, 2.0]
+stand_still_s = 1.0
+[[drive.step]]
+to = [2.0, 2.0]
+[turret]
+period_s = 4.0
+)";
+
+TEST_F(Rosi, SegmentScoresTheViewsOfADriveAgainstItsLabels) {
+  const std::string drive = path("drive");
+  const std::string log = drive + "/drive.log";
+  ASSERT_EQ(run({"sim", file("room.toml", kRoom), "--offline", "--out", drive}).code, 0);
+  const Finished sums = run({"segment", log, "--all"});
+  EXPECT_EQ(sums.code, 0);
+  EXPECT_NE(sums.output.find(" views, "), std::string::npos) << sums.output;
+  EXPECT_EQ(sums.output.find("by pixels"), std::string::npos) << sums.output;
+  const Finished score = run({"segment", log, "--all", "--truth", drive + "/labels"});
+  EXPECT_EQ(score.code, 0);
+  for (const char* part : {"by pixels", "by area", "0.51", "0.95", "cylinders"}) {
+    EXPECT_NE(score.output.find(part), std::string::npos) << score.output;
+  }
+  const Finished json = run({"segment", log, "--all", "--truth", drive + "/labels/", "--json"});
+  EXPECT_EQ(json.code, 0);
+  EXPECT_NE(json.output.find("\"tolerance\":0.8"), std::string::npos) << json.output;
+  const Finished one = run({"segment", log, "--view", "1", "--truth", drive + "/labels"});
+  EXPECT_EQ(one.code, 0);
+  EXPECT_NE(one.output.find("by area"), std::string::npos) << one.output;
+
+  // The way is looked for beside the labels, or where it is said to be.
+  std::filesystem::rename(drive + "/truth.tum", path("way.tum"));
+  const Finished lost = run({"segment", log, "--all", "--truth", drive + "/labels"});
+  EXPECT_EQ(lost.code, 66);
+  EXPECT_NE(lost.output.find("--trajectory"), std::string::npos) << lost.output;
+  EXPECT_EQ(run({"segment", log, "--all", "--truth", drive + "/labels", "--trajectory", path("way.tum")}).code, 0);
+}
+
+TEST_F(Rosi, SegmentScoresAScanAgainstItsIntensities) {
+  std::string scan =
+      "VERSION .7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 40\nHEIGHT 40\n"
+      "POINTS 1600\nDATA ascii\n";
+  for (int k = 0; k < 1600; ++k) {  // a wall across, 2 m ahead
+    scan += "2 " + std::to_string((20 - k % 40) * 0.04) + ' ' + std::to_string((20 - k / 40) * 0.04) + " 11\n";
+  }
+  const Finished score = run({"segment", file("wall.pcd", scan), "--truth", "intensity", "--json"});
+  EXPECT_EQ(score.code, 0) << score.output;
+  EXPECT_NE(score.output.find("\"correct\":1,"), std::string::npos) << score.output;
+}
+
+TEST_F(Rosi, SegmentSaysWhatDoesNotFitTogether) {
+  const std::string log = file("a.log", "");
+  EXPECT_EQ(run({"segment", log, "--all", "--view", "1"}).code, 64);
+  EXPECT_EQ(run({"segment", log, "--all", "--png", path("x.png")}).code, 64);
+  EXPECT_EQ(run({"segment", log, "--all", "--trajectory", path("x.tum")}).code, 64);
+  EXPECT_EQ(run({"segment", log, "--all", "--truth", "intensity"}).code, 64);
+  const Finished image = run({"segment", file("a.pcd", ""), "--all"});
+  EXPECT_EQ(image.code, 64);
+  EXPECT_NE(image.output.find("a.pcd"), std::string::npos) << image.output;
+  const Finished labels = run({"segment", log, "--all", "--truth", path("labels")});
+  EXPECT_EQ(labels.code, 66);
+  EXPECT_NE(labels.output.find("index.json"), std::string::npos) << labels.output;
+}
+
 TEST_F(Rosi, DoctorNamesWhatIsMissingAndHowToMendIt) {
   const std::string config =
       file("rosid.toml", "[laser]\ndevice = \"" + path("no-laser") + "\"\n[can]\nlink = \"slcan\"\ndevice = \"" +
