@@ -149,8 +149,11 @@ TEST_F(Rosi, SegmentScoresAScanAgainstItsIntensities) {
   for (int k = 0; k < 1600; ++k) {  // a wall across, 2 m ahead
     scan += "2 " + std::to_string((20 - k % 40) * 0.04) + ' ' + std::to_string((20 - k / 40) * 0.04) + " 11\n";
   }
-  const Finished score = run({"segment", file("wall.pcd", scan), "--truth", "intensity", "--json"});
+  const Finished score =
+      run({"segment", file("wall.pcd", scan), "--truth", "intensity", "--json", "--svg", path("wall.svg")});
   EXPECT_EQ(score.code, 0) << score.output;
+  EXPECT_GT(std::filesystem::file_size(path("wall.svg")), 1000U);
+  EXPECT_EQ(run({"segment", path("wall.pcd"), "--svg", path("no/wall.svg")}).code, 73);
   EXPECT_NE(score.output.find("\"correct\":1,"), std::string::npos) << score.output;
 }
 
@@ -158,6 +161,7 @@ TEST_F(Rosi, SegmentSaysWhatDoesNotFitTogether) {
   const std::string log = file("a.log", "");
   EXPECT_EQ(run({"segment", log, "--all", "--view", "1"}).code, 64);
   EXPECT_EQ(run({"segment", log, "--all", "--png", path("x.png")}).code, 64);
+  EXPECT_EQ(run({"segment", log, "--all", "--svg", path("x.svg")}).code, 64);
   EXPECT_EQ(run({"segment", log, "--all", "--trajectory", path("x.tum")}).code, 64);
   EXPECT_EQ(run({"segment", log, "--all", "--truth", "intensity"}).code, 64);
   const Finished image = run({"segment", file("a.pcd", ""), "--all"});

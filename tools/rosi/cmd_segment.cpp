@@ -17,6 +17,7 @@
 #include "tools/rosi/drawing.hpp"
 #include "tools/rosi/log_images.hpp"
 #include "tools/rosi/patch_mesh.hpp"
+#include "tools/rosi/patch_svg.hpp"
 #include "tools/rosi/range_image_files.hpp"
 #include "tools/rosi/segment_drive.hpp"
 #include "tools/rosi/segment_report.hpp"
@@ -31,6 +32,7 @@ struct SegmentOptions {
   fs::path image;
   fs::path png;
   fs::path gltf;
+  fs::path svg;
   std::string truth;
   fs::path trajectory;
   std::uint32_t view = 0;
@@ -87,6 +89,11 @@ Result<std::optional<TruthSource>> load_truth(const SegmentOptions& options) {
 Result<void> write_pictures(const SegmentOptions& options, const Input& input, const mapping::SurfaceView& view) {
   if (!options.png.empty()) {
     if (auto written = write_png(draw_view(input.image, view), options.png); !written) { return written; }
+  }
+  if (!options.svg.empty()) {
+    if (auto written = write_file(options.svg, draw_patches_svg(view, optical_axis(input.image))); !written) {
+      return written;
+    }
   }
   if (options.gltf.empty()) { return {}; }
   std::vector<const mapping::Patch*> patches;
@@ -184,8 +191,9 @@ void register_segment(CLI::App& app, CommandState& state) {
                      ->check(CLI::Range(1, 10000));
   auto* png = command->add_option("--png", options->png, "draw range image and labels");
   auto* gltf = command->add_option("--gltf", options->gltf, "write the patches as glTF");
+  auto* svg = command->add_option("--svg", options->svg, "draw the patches as the sensor saw them, edges by type");
   auto* all = command->add_flag("--all", options->all, "every view of the log, sums only");
-  all->excludes(view)->excludes(repeat)->excludes(png)->excludes(gltf);
+  all->excludes(view)->excludes(repeat)->excludes(png)->excludes(gltf)->excludes(svg);
   auto* truth = command->add_option("--truth", options->truth,
                                     "score against the labels folder of a simulated drive, or 'intensity' of a .pcd");
   command
