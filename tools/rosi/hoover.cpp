@@ -128,6 +128,23 @@ void add_surface_weights(RegionOverlap& overlap) {
   }
 }
 
+Outcome outcome_of(const Roles& roles, std::size_t region) {
+  if (roles.is_correct[region]) { return Outcome::Correct; }
+  if (roles.is_over[region]) { return Outcome::OverSegmented; }
+  return roles.is_under[region] ? Outcome::UnderSegmented : Outcome::Missed;
+}
+
+int& count_of(HooverScore& score, Outcome outcome) {
+  switch (outcome) {
+    case Outcome::Correct: return score.correct;
+    case Outcome::OverSegmented: return score.over_segmented;
+    case Outcome::UnderSegmented: return score.under_segmented;
+    case Outcome::NotCounted:
+    case Outcome::Missed: break;
+  }
+  return score.missed;
+}
+
 }  // namespace
 
 TruthRegions regions_from_labels(std::span<const std::uint16_t> labels) {
@@ -172,15 +189,12 @@ HooverScore score_regions(const RegionOverlap& overlap, const HooverOptions& opt
   const Judge judge(overlap, options.tolerance);
   const Roles& roles = judge.roles();
   HooverScore score;
-  const auto is_counted = [&](std::size_t k) { return overlap.truth[k].pixels > options.min_pixels; };
+  score.outcome.resize(overlap.truth.size(), Outcome::NotCounted);
   for (std::size_t k = 1; k < overlap.truth.size(); ++k) {
-    if (!is_counted(k)) { continue; }
+    if (overlap.truth[k].pixels <= options.min_pixels) { continue; }
+    score.outcome[k] = outcome_of(roles, k);
     ++score.truth_regions;
-    int& count = roles.is_correct[k] ? score.correct
-                 : roles.is_over[k]  ? score.over_segmented
-                 : roles.is_under[k] ? score.under_segmented
-                                     : score.missed;
-    ++count;
+    ++count_of(score, score.outcome[k]);
   }
   for (std::size_t k = 1; k < overlap.machine.size(); ++k) {
     if (overlap.machine[k].pixels == 0) { continue; }
@@ -189,7 +203,7 @@ HooverScore score_regions(const RegionOverlap& overlap, const HooverOptions& opt
   }
   std::vector<bool> is_fragment(overlap.machine.size());
   for (const RegionPair& pair : overlap.pairs) {
-    if (!is_counted(pair.truth) || !roles.is_correct[pair.truth]) { continue; }
+    if (score.outcome[pair.truth] != Outcome::Correct) { continue; }
     if (judge.is_correct(pair)) { score.correct_pairs.push_back(pair); }
     if (!roles.is_partner[pair.machine] && judge.lies_on_region(pair)) { is_fragment[pair.machine] = true; }
   }

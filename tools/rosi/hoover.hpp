@@ -46,6 +46,9 @@ struct HooverOptions {
   int min_pixels = 100;    ///< true regions must have more than these to be counted
 };
 
+/// What became of a counted true region.
+enum class Outcome : std::uint8_t { NotCounted, Correct, OverSegmented, UnderSegmented, Missed };
+
 /// Each counted true region is exactly one of correct, over-segmented, under-segmented and missed; in that order where
 /// it could be several. Small true regions are not counted, but what is found on them is no noise.
 struct HooverScore {
@@ -57,6 +60,7 @@ struct HooverScore {
   int missed = 0;
   int noise = 0;      ///< machine regions that take part in none of these
   int fragments = 0;  ///< machine regions beside the correct one on a correct true region, with T of themselves
+  std::vector<Outcome> outcome;           ///< of each true region
   std::vector<RegionPair> correct_pairs;  ///< of counted regions, in order of truth
 };
 

@@ -15,8 +15,6 @@
 namespace rosid::rosi {
 namespace {
 
-/// At which tolerance cylinders are counted as found.
-constexpr double kCylinderTolerance = 0.8;
 constexpr double kSmallestSolidAngle_sr = 1e-9;
 
 /// A cylinder's element counts as if it faced the beam: which part of its round a pixel sees is not in the labels.
@@ -75,6 +73,17 @@ nlohmann::json to_json(const HooverScore& s, int views) {
           {"fragments_per_view", per(s.fragments, views)}};
 }
 
+const char* to_cstr(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::NotCounted: return "not counted";
+    case Outcome::Correct: return "correct";
+    case Outcome::OverSegmented: return "over-segmented";
+    case Outcome::UnderSegmented: return "under-segmented";
+    case Outcome::Missed: return "missed";
+  }
+  return "";
+}
+
 std::string table_of(const nlohmann::json& score, const char* key, const char* title) {
   std::string text =
       fmt::format("{}\ntolerance  regions  correct      %   over  under  missed  noise/view  fragments/view\n", title);
@@ -108,12 +117,13 @@ void SegmentationScore::add(const mapping::RangeImage& image, const mapping::Sur
   ++views_;
   const TruthRegions regions = seen_regions(image, truth);
   const RegionOverlap by_pixels = overlap_regions(view.labels, regions, pixel_weights(image));
+  const HooverScore standard = score_regions(by_pixels, {.tolerance = kStandardTolerance, .min_pixels = kMinRegion_px});
+  add_failures(image.view_id, standard, by_pixels, truth);
   RegionOverlap by_area;
   if (!truth.shapes.empty()) {
     has_shapes_ = true;
     by_area = overlap_regions(view.labels, regions, area_weights(image, truth));
-    add_cylinders(score_regions(by_pixels, {.tolerance = kCylinderTolerance, .min_pixels = kMinRegion_px}), by_pixels,
-                  truth);
+    add_cylinders(standard, by_pixels, truth);
   }
   for (std::size_t k = 0; k < kTolerances.size(); ++k) {
     const HooverOptions options{.tolerance = kTolerances[k], .min_pixels = kMinRegion_px};  // NOLINT: k is below
@@ -141,6 +151,29 @@ void SegmentationScore::add_normals(AtTolerance& sums, const std::vector<RegionP
   }
 }
 
+void SegmentationScore::add_failures(std::uint32_t view, const HooverScore& score, const RegionOverlap& overlap,
+                                     const ViewTruth& truth) {
+  std::vector<const RegionPair*> best(overlap.truth.size(), nullptr);
+  for (const RegionPair& pair : overlap.pairs) {
+    const RegionPair*& found = best[pair.truth];
+    if (found == nullptr || pair.weight > found->weight) { found = &pair; }
+  }
+  for (std::size_t k = 1; k < overlap.truth.size(); ++k) {
+    if (score.outcome[k] == Outcome::NotCounted || score.outcome[k] == Outcome::Correct) { continue; }
+    Failure& failure = failures_.emplace_back();
+    failure.view = view;
+    failure.surface = overlap.surface_of[k];
+    const auto shape = truth.shapes.find(static_cast<std::uint16_t>(failure.surface));
+    if (shape != truth.shapes.end()) { failure.object = shape->second.object; }
+    failure.pixels = overlap.truth[k].pixels;
+    failure.outcome = score.outcome[k];
+    if (best[k] == nullptr) { continue; }
+    failure.patch = best[k]->machine;
+    failure.region_share = best[k]->weight / overlap.truth[k].weight;
+    failure.patch_share = best[k]->surface_weight / overlap.machine[failure.patch].weight;
+  }
+}
+
 void SegmentationScore::add_cylinders(const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth) {
   const auto is_judged = [&](std::size_t region) {
     const auto shape = truth.shapes.find(static_cast<std::uint16_t>(overlap.surface_of[region]));
@@ -164,7 +197,18 @@ nlohmann::json SegmentationScore::to_json() const {
     }
     tolerances.push_back(std::move(entry));
   }
-  nlohmann::json json = {{"views", views_}, {"tolerances", std::move(tolerances)}};
+  nlohmann::json failures = nlohmann::json::array();
+  for (const Failure& f : failures_) {
+    failures.push_back({{"view", f.view},
+                        {"surface", f.surface},
+                        {"object", f.object},
+                        {"pixels", f.pixels},
+                        {"outcome", to_cstr(f.outcome)},
+                        {"patch", f.patch},
+                        {"region_share", f.region_share},
+                        {"patch_share", f.patch_share}});
+  }
+  nlohmann::json json = {{"views", views_}, {"tolerances", std::move(tolerances)}, {"failures", std::move(failures)}};
   if (has_shapes_) { json["cylinders"] = {{"seen", cylinders_seen_}, {"found", cylinders_found_}}; }
   return json;
 }

@@ -28,8 +28,9 @@ struct ViewTruth {
 class SegmentationScore {
  public:
   static constexpr std::array<double, 6> kTolerances{0.51, 0.6, 0.7, 0.8, 0.9, 0.95};
-  static constexpr int kMinRegion_px = 100;     ///< true regions must be larger
-  static constexpr int kNormalRegion_px = 500;  ///< correct regions must be larger for the error of their normal
+  static constexpr double kStandardTolerance = 0.8;  ///< for failures and cylinders
+  static constexpr int kMinRegion_px = 100;          ///< true regions must be larger
+  static constexpr int kNormalRegion_px = 500;       ///< correct regions must be larger for the error of their normal
   static constexpr int kMinCylinder_px = 300;
   static constexpr double kMinCylinderRadius_m = 0.10;
 
@@ -37,7 +38,8 @@ class SegmentationScore {
   /// it.
   void add(const mapping::RangeImage& image, const mapping::SurfaceView& view, const ViewTruth& truth);
 
-  /// "views", "tolerances" (a list, see docs/segmentation.md) and, with shapes, "cylinders".
+  /// "views", "tolerances" (a list, see docs/segmentation.md), "failures" (each counted region that is not correct by
+  /// pixels at kStandardTolerance) and, with shapes, "cylinders".
   nlohmann::json to_json() const;
 
  private:
@@ -55,11 +57,25 @@ class SegmentationScore {
 
   void add_normals(AtTolerance& sums, const std::vector<RegionPair>& correct, const RegionOverlap& by_area,
                    const mapping::SurfaceView& view, const ViewTruth& truth) const;
+  /// One region that was not found.
+  struct Failure {
+    std::uint32_t view = 0;
+    std::uint32_t surface = 0;
+    std::string object;  ///< empty: not known
+    int pixels = 0;
+    Outcome outcome = Outcome::Missed;
+    std::uint16_t patch = 0;    ///< that has most of it, 0: none has any
+    double region_share = 0.0;  ///< of the region that is in this patch
+    double patch_share = 0.0;   ///< of the patch that is on the region's surface
+  };
+
+  void add_failures(std::uint32_t view, const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth);
   void add_cylinders(const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth);
 
   int views_ = 0;
   bool has_shapes_ = false;
   std::array<AtTolerance, kTolerances.size()> at_{};
+  std::vector<Failure> failures_;
   int cylinders_seen_ = 0;
   int cylinders_found_ = 0;
 };

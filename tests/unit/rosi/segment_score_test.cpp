@@ -141,6 +141,22 @@ TEST(SegmentationScore, TheRimWeighsMoreByAreaThanByPixels) {
   EXPECT_EQ(entry.at("area").at("missed"), 1);
 }
 
+TEST(SegmentationScore, WhatIsNotFoundIsListedWithTheBestPatch) {
+  Example example;
+  EXPECT_TRUE(example.score().at("failures").empty());
+  const std::size_t n = example.image.size();
+  for (std::size_t k = 0; k < n / 4; ++k) { example.view.labels[k] = 0; }
+  const auto failures = example.score().at("failures");
+  ASSERT_EQ(failures.size(), 1U);
+  EXPECT_EQ(failures[0].at("object"), "wall");
+  EXPECT_EQ(failures[0].at("surface"), 7);
+  EXPECT_EQ(failures[0].at("pixels"), n);
+  EXPECT_EQ(failures[0].at("outcome"), "missed");
+  EXPECT_EQ(failures[0].at("patch"), 1);
+  EXPECT_NEAR(failures[0].at("region_share").get<double>(), 0.75, 1e-3);
+  EXPECT_EQ(failures[0].at("patch_share"), 1.0);
+}
+
 TEST(SegmentationScore, CylindersAreCountedByRadiusAndSize) {
   Example example;
   example.truth.shapes[7] = {.object = "pipe", .is_cylinder = true, .n_W = Vec3::UnitZ(), .radius_m = 0.12};
