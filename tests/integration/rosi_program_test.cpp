@@ -146,8 +146,10 @@ TEST_F(Rosi, SegmentScoresAScanAgainstItsIntensities) {
   std::string scan =
       "VERSION .7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 40\nHEIGHT 40\n"
       "POINTS 1600\nDATA ascii\n";
-  for (int k = 0; k < 1600; ++k) {  // a wall across, 2 m ahead
-    scan += "2 " + std::to_string((20 - k % 40) * 0.04) + ' ' + std::to_string((20 - k / 40) * 0.04) + " 11\n";
+  for (int i = 0; i < 40; ++i) {  // a wall across, 2 m ahead
+    for (int j = 0; j < 40; ++j) {
+      scan += "2 " + std::to_string((20 - j) * 0.04) + ' ' + std::to_string((20 - i) * 0.04) + " 11\n";
+    }
   }
   const Finished score =
       run({"segment", file("wall.pcd", scan), "--truth", "intensity", "--json", "--svg", path("wall.svg")});

@@ -127,8 +127,9 @@ void print_view(const mapping::RangeImage& image, const mapping::SurfaceView& vi
 ExitCode run_view(const SegmentOptions& options) {
   auto input = load(options);
   if (!input) { return fail("segment", input.error()); }
-  const auto truth = load_truth(options);
-  if (!truth) { return fail("segment", truth.error()); }
+  const auto loaded = load_truth(options);
+  if (!loaded) { return fail("segment", loaded.error()); }
+  const std::optional<TruthSource>& truth = *loaded;
   // A view of a log goes the way it goes in rosid, its motion corrected; a scan by others has none.
   mapping::ViewReducer reducer(input->config.mapping.segmenter, input->config.calibration);
   const mapping::RangeImage original = input->image;
@@ -142,8 +143,8 @@ ExitCode run_view(const SegmentOptions& options) {
   }
   nlohmann::json report = describe_view(input->image, view);
   report["time_ms"] = median(times_ms);
-  if (*truth) {
-    const auto score = score_view(**truth, input->image, view);
+  if (truth) {
+    const auto score = score_view(*truth, input->image, view);
     if (!score) { return fail("segment", score.error()); }
     report["score"] = *score;
   }
@@ -162,9 +163,10 @@ ExitCode run_drive(const SegmentOptions& options) {
                 Error{ErrorCode::InvalidArgument,
                       fmt::format("--all is for drive logs (.log); '{}' is one image", options.image.string())});
   }
-  const auto truth = load_truth(options);
-  if (!truth) { return fail("segment", truth.error()); }
-  const auto report = segment_drive(options.image, *truth ? &**truth : nullptr);
+  const auto loaded = load_truth(options);
+  if (!loaded) { return fail("segment", loaded.error()); }
+  const std::optional<TruthSource>& truth = *loaded;
+  const auto report = segment_drive(options.image, truth ? &*truth : nullptr);
   if (!report) { return fail("segment", report.error()); }
   fmt::print("{}", options.json ? report->dump() + "\n" : describe_drive(*report));
   return ExitCode::Ok;

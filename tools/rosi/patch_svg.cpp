@@ -66,6 +66,7 @@ struct DrawnPatch {
 std::vector<Corner> corners_of(const mapping::SurfaceView& view, const mapping::Patch& patch,
                                const mapping::Ring& ring) {
   std::vector<Corner> corners;
+  corners.reserve(ring.vertices.size());
   for (std::size_t k = 0; k < ring.vertices.size(); ++k) {
     corners.push_back({patch.plane.from_plane(ring.vertices[k]) - view.sensor_V,
                        k < ring.edges.size() ? ring.edges[k] : mapping::EdgeType::NoData});
@@ -164,11 +165,12 @@ std::string points(const Paper& paper, const Line& line, bool is_start) {
 std::string circles(const Paper& paper) {
   std::string text;
   const Vec2 middle = paper.at(Vec2::Zero());
-  for (double angle = 10.0; angle <= paper.reach_deg(); angle += 10.0) {
+  const int reach_deg = static_cast<int>(std::lround(paper.reach_deg()));
+  for (int angle = 10; angle <= reach_deg; angle += 10) {
     text += fmt::format(R"(<circle cx="{:.1f}" cy="{:.1f}" r="{:.1f}" fill="none" stroke="#e4e4ea"/>)"
                         "\n",
                         middle.x(), middle.y(), paper.length(angle));
-    text += fmt::format(R"(<text x="{:.1f}" y="{:.1f}" font-size="9" fill="#a0a0a8">{:.0f}°</text>)"
+    text += fmt::format(R"(<text x="{:.1f}" y="{:.1f}" font-size="9" fill="#a0a0a8">{}°</text>)"
                         "\n",
                         middle.x() + 2.0, middle.y() - paper.length(angle) + 10.0, angle);
   }
@@ -192,16 +194,17 @@ std::string edges_of(const Paper& paper, const DrawnRing& ring) {
   for (std::size_t first = 0; first < ring.edges.size();) {
     std::string path;
     std::size_t last = first;
-    if (!ring.types[first]) {
+    const std::optional<mapping::EdgeType> type = ring.types[first];
+    if (!type) {
       ++first;
       continue;
     }
-    for (; last < ring.edges.size() && ring.types[last] == ring.types[first]; ++last) {
+    for (; last < ring.edges.size() && ring.types[last] == type; ++last) {
       path += points(paper, ring.edges[last], last == first);
     }
     text += fmt::format(R"(<path d="{}" fill="none" {}/>)"
                         "\n",
-                        path, style_of(*ring.types[first]).attributes);
+                        path, style_of(*type).attributes);
     first = last;
   }
   return text;

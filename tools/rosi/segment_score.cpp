@@ -138,7 +138,7 @@ void SegmentationScore::add(const mapping::RangeImage& image, const mapping::Sur
 
 void SegmentationScore::add_normals(AtTolerance& sums, const std::vector<RegionPair>& correct,
                                     const RegionOverlap& by_area, const mapping::SurfaceView& view,
-                                    const ViewTruth& truth) const {
+                                    const ViewTruth& truth) {
   for (const RegionPair& pair : correct) {
     const auto shape = truth.shapes.find(static_cast<std::uint16_t>(by_area.surface_of[pair.truth]));
     const RegionOverlap::Region& region = by_area.truth[pair.truth];

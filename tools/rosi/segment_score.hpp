@@ -55,8 +55,8 @@ class SegmentationScore {
     int normal_regions = 0;
   };
 
-  void add_normals(AtTolerance& sums, const std::vector<RegionPair>& correct, const RegionOverlap& by_area,
-                   const mapping::SurfaceView& view, const ViewTruth& truth) const;
+  static void add_normals(AtTolerance& sums, const std::vector<RegionPair>& correct, const RegionOverlap& by_area,
+                          const mapping::SurfaceView& view, const ViewTruth& truth);
   /// One region that was not found.
   struct Failure {
     std::uint32_t view = 0;

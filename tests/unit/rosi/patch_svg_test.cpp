@@ -15,7 +15,6 @@ namespace {
 
 using mapping::EdgeType;
 using mapping::Patch;
-using mapping::Ring;
 using mapping::SurfaceView;
 
 /// What is wrong with the text as XML; empty when nothing is. Elements, attributes and text only, as the drawing uses.

@@ -36,7 +36,7 @@ RangeImage wall_ahead(int lines = 90, int columns = 101) {
       const double deflection = j * image.step_rad - kHalfOpening_rad;
       const Vec3 ray(std::cos(deflection), std::sin(deflection) * std::cos(turn),
                      std::sin(deflection) * std::sin(turn));
-      image.direction_V.push_back(ray.cast<float>());
+      image.direction_V.emplace_back(ray.cast<float>());
       image.range_m.push_back(static_cast<float>(kWall_m / ray.x()));
     }
   }
