@@ -8,15 +8,8 @@
 namespace rosid::mapping {
 namespace {
 
-constexpr double kMinIncidence = 0.0523;  // sine of 3 degrees
 /// Upper ends of the curvature bins but the last: share of the smallest eigenvalue in the local scatter.
 constexpr std::array<float, 7> kCurvatureBins{0.001F, 0.002F, 0.005F, 0.01F, 0.02F, 0.05F, 0.1F};
-
-double element(const SegmentFrame& frame, std::size_t k, const Vec3& normal) {
-  const double r = static_cast<double>(frame.image().range_m[k]);
-  const double incidence = std::max(std::abs(normal.dot(frame.direction(k))), kMinIncidence);
-  return r * r * static_cast<double>(frame.solid_angle(k)) / incidence;
-}
 
 /// Angle below which `share` of the total weight lies; 0 without any.
 double weighted_quantile(std::vector<std::pair<double, double>>& angle_and_weight, double share) {
@@ -41,52 +34,49 @@ void measure_shape(const Mat2& moments, PatchAttributes& attributes) {
 
 }  // namespace
 
-double element_area(const SegmentFrame& frame, const std::vector<std::size_t>& pixels, const Vec3& normal) {
-  double area = 0.0;
-  for (const std::size_t k : pixels) { area += element(frame, k, normal); }
-  return area;
-}
-
-PatchAttributes measure_attributes(const SegmentFrame& frame, const std::vector<std::size_t>& pixels,
-                                   const PlaneFit& fit, const PatchOutline& outline) {
+PatchAttributes measure_attributes(const PlaneFit& fit, const PatchOutline& outline, int pixels) {
   PatchAttributes attributes;
   attributes.area_m2 = outline.area_m2;
-  attributes.occlusion = outline.occlusion;
+  attributes.occlusion = outline.occlusion();
   attributes.rms_m = fit.rms_m;
-  attributes.pixel_count = static_cast<int>(pixels.size());
-  double weight = 0.0;
+  attributes.pixel_count = pixels;
+  measure_shape(fit.spread_m2, attributes);
+  return attributes;
+}
+
+void measure_bending(const SegmentFrame& frame, const BlockGrid& grid, std::span<const int> blocks, const Vec3& normal,
+                     PatchAttributes& attributes) {
+  // Some hundred normals tell their distribution.
+  constexpr std::size_t kNormals = 100;
+  const std::size_t stride = 1 + (blocks.size() / kNormals);
   double known = 0.0;
-  Vec2 first = Vec2::Zero();
-  Mat2 second = Mat2::Zero();
   std::vector<std::pair<double, double>> cone;
-  // Local normals are dear, and some hundred of them tell their distribution.
-  constexpr std::size_t kNormals = 500;
-  const std::size_t stride = 1 + (pixels.size() / kNormals);
-  for (std::size_t p = 0; p < pixels.size(); ++p) {
-    const std::size_t k = pixels[p];
-    const double a = element(frame, k, fit.plane.normal);
-    const Vec2 s = fit.plane.to_plane(frame.point(k) + frame.image().sensor_V);
-    weight += a;
-    first += a * s;
-    second += a * s * s.transpose();
-    if (p % stride != 0) { continue; }
-    const SegmentFrame::Local& local = frame.local(k);
-    if (local.curvature >= 0.0F) {
-      const auto bin = std::upper_bound(kCurvatureBins.begin(), kCurvatureBins.end(), local.curvature);
-      attributes.curvature_histogram[static_cast<std::size_t>(bin - kCurvatureBins.begin())] += static_cast<float>(a);
-      known += a;
-    }
-    if (local.normal.squaredNorm() > 0.5F) {
-      cone.emplace_back(std::acos(std::clamp(local.normal.cast<double>().dot(fit.plane.normal), -1.0, 1.0)), a);
+  for (std::size_t b = 0; b < blocks.size(); b += stride) {
+    const int row = blocks[b] / grid.columns();
+    const int column = blocks[b] % grid.columns();
+    const Moments around = grid.sum(std::max(0, row - 1), std::min(grid.rows(), row + 2), std::max(0, column - 1),
+                                    std::min(grid.columns(), column + 2));
+    constexpr double kMinPoints = 12.0;
+    if (around.count < kMinPoints) { continue; }
+    const QuickPlane plane = fit_quick(around);
+    const std::size_t k = grid.typical_pixel(blocks[b]);
+    const double area = grid.moments(blocks[b]).count * frame.element_area(k, normal);
+    const auto curvature = static_cast<float>(plane.lambda[0] / std::max(plane.lambda.sum(), 1e-12));
+    const auto bin = std::upper_bound(kCurvatureBins.begin(), kCurvatureBins.end(), curvature);
+    attributes.curvature_histogram[static_cast<std::size_t>(bin - kCurvatureBins.begin())] += static_cast<float>(area);
+    known += area;
+    // A direction counts where the noise leaves one.
+    constexpr double kSettled_rad = 0.15;
+    const double variance = frame.variance(grid.noise(blocks[b]), plane.normal).total();
+    if (variance < kSettled_rad * kSettled_rad * plane.lambda[1]) {
+      cone.emplace_back(std::acos(std::clamp(plane.normal.dot(normal), -1.0, 1.0)), area);
     }
   }
-  if (weight > 0.0) { measure_shape(second / weight - (first / weight) * (first / weight).transpose(), attributes); }
   for (float& share : attributes.curvature_histogram) {
     share = known > 0.0 ? share / static_cast<float>(known) : 0.0F;
   }
   constexpr double kConeShare = 0.9;
   attributes.normal_cone_rad = weighted_quantile(cone, kConeShare);
-  return attributes;
 }
 
 std::vector<Relation> make_relations(const std::vector<SharedBorder>& borders, const std::vector<Plane>& planes) {

@@ -21,6 +21,9 @@ double cotangent_of_incidence(const Plane& plane, const Vec3& direction) {
 }  // namespace
 
 bool BoundaryTracer::is_inside(int i, int j) const {
+  if (i >= 0 && i < frame_.image().lines && j >= 0 && j < frame_.image().columns) {
+    return labels_[frame_.topology().index(i, j)] == label_;
+  }
   const RasterStep step = frame_.topology().at(i, j);
   return step.is_inside && labels_[frame_.topology().index(step.i, step.j)] == label_;
 }
@@ -72,33 +75,56 @@ double BoundaryTracer::range_to(const Plane& plane, const Ray& ray) {
   return plane.normal.dot(plane.centroid - ray.origin) / cosine;
 }
 
+BoundaryTracer::Ray BoundaryTracer::corner_ray(const State& s, int ahead_i, int ahead_j) const {
+  const RangeImage& image = frame_.image();
+  const int far_i = s.i + s.side_i + ahead_i;
+  const int far_j = s.j + s.side_j + ahead_j;
+  Ray mean;
+  if (far_i >= 0 && far_i < image.lines && far_j >= 0 && far_j < image.columns) {
+    // All four pixels around the corner lie on the raster.
+    const std::size_t far = image.index(far_i, far_j);
+    const Eigen::Vector3f sum = image.direction_V[image.index(s.i, s.j)] +
+                                image.direction_V[image.index(s.i + s.side_i, s.j + s.side_j)] +
+                                image.direction_V[image.index(s.i + ahead_i, s.j + ahead_j)] + image.direction_V[far];
+    mean.direction = sum.cast<double>();
+    mean.origin = 0.5 * (image.line[static_cast<std::size_t>(s.i)].origin_V +
+                         image.line[static_cast<std::size_t>(far_i)].origin_V);
+  } else {
+    for (const Ray& r :
+         {ray(s.i, s.j), ray(s.i + s.side_i, s.j + s.side_j), ray(s.i + ahead_i, s.j + ahead_j), ray(far_i, far_j)}) {
+      mean.origin += 0.25 * r.origin;
+      mean.direction += r.direction;
+    }
+  }
+  mean.direction.normalize();
+  return mean;
+}
+
 Vec2 BoundaryTracer::corner(const State& s) const {
   const Plane& plane = planes_[static_cast<std::size_t>(label_)];
   const int ahead_i = -s.side_j * s.handed;
   const int ahead_j = s.side_i * s.handed;
-  const std::array<Ray, 4> rays = {ray(s.i, s.j), ray(s.i + s.side_i, s.j + s.side_j),
-                                   ray(s.i + ahead_i, s.j + ahead_j),
-                                   ray(s.i + s.side_i + ahead_i, s.j + s.side_j + ahead_j)};
-  Ray mean;
-  for (const Ray& r : rays) {
-    mean.origin += 0.25 * r.origin;
-    mean.direction += 0.25 * r.direction;
-  }
-  mean.direction.normalize();
   const std::size_t k = frame_.topology().index(s.i, s.j);
-  const double own_range = range_to(plane, rays[0]);
+  const Ray own_ray{frame_.image().line[static_cast<std::size_t>(s.i)].origin_V, frame_.direction(k)};
+  const Ray mean = corner_ray(s, ahead_i, ahead_j);
+  const double own_range = range_to(plane, own_ray);
   const Vec3 own = own_range > 0.0
-                       ? Vec3(rays[0].origin + own_range * rays[0].direction)
+                       ? Vec3(own_ray.origin + own_range * own_ray.direction)
                        : (frame_.is_valid(k) ? Vec3(frame_.point(k) + frame_.image().sensor_V) : plane.centroid);
   Vec2 own_2d = plane.to_plane(own);
   const double range = range_to(plane, mean);
   if (range <= 0.0 || !std::isfinite(range)) { return own_2d; }
-  const Vec2 corner_2d = plane.to_plane(mean.origin + range * mean.direction);
+  Vec2 corner_2d = plane.to_plane(mean.origin + range * mean.direction);
+  // Where the region meets itself at a corner only, the two passages keep a little apart.
+  constexpr double kApart = 0.1;
+  const bool is_pinched =
+      !is_inside(s.i + ahead_i, s.j + ahead_j) && is_inside(s.i + s.side_i + ahead_i, s.j + s.side_j + ahead_j);
+  if (is_pinched) { corner_2d += kApart * (own_2d - corner_2d); }
   // Near the plane's horizon half a pixel reaches very far: no farther than this surface is seen to go on.
-  const double angle = (mean.direction - rays[0].direction).norm();
-  const double incidence = std::max(-plane.normal.dot(rays[0].direction), 2.0 * kGrazing);
-  const double shift = (mean.origin - rays[0].origin).norm();
-  const double limit = ((1.5 * angle * (own - rays[0].origin).norm()) + shift) / incidence;
+  const double angle2 = (mean.direction - own_ray.direction).squaredNorm();
+  const double incidence = std::max(-plane.normal.dot(own_ray.direction), 2.0 * kGrazing);
+  const double shift = (mean.origin - own_ray.origin).norm();
+  const double limit = ((1.5 * std::sqrt(angle2 * (own - own_ray.origin).squaredNorm())) + shift) / incidence;
   const double distance = (corner_2d - own_2d).norm();
   return distance > limit ? Vec2(own_2d + (limit / distance) * (corner_2d - own_2d)) : corner_2d;
 }
@@ -196,51 +222,70 @@ CrackRing BoundaryTracer::follow(const State& start) {
   return ring;
 }
 
-std::vector<CrackRing> BoundaryTracer::trace(std::int32_t label, const std::vector<std::size_t>& pixels) {
+std::vector<CrackRing> BoundaryTracer::trace(std::int32_t label, std::span<const Run> runs) {
   visited_.resize(frame_.image().size(), 0);
   label_ = label;
   std::vector<CrackRing> rings;
-  constexpr std::array<std::array<int, 2>, 4> kSides{{{-1, 0}, {1, 0}, {0, -1}, {0, 1}}};
-  for (const std::size_t k : pixels) {
-    for (const auto& side : kSides) {
-      const State state{frame_.line_of(k), frame_.column_of(k), side[0], side[1], 1};
-      const auto bit = static_cast<unsigned>(side[0] != 0 ? 1 + side[0] : 2 + side[1]);
-      if (((visited(state) >> bit) & 1U) != 0U || is_inside(state.i + side[0], state.j + side[1])) { continue; }
-      rings.push_back(follow(state));
-    }
+  const auto start_at = [&](int i, int j, int side) {
+    const State state{i, j, 0, side, 1};
+    const auto bit = static_cast<unsigned>(2 + side);
+    if (((visited(state) >> bit) & 1U) == 0U && !is_inside(i, j + side)) { rings.push_back(follow(state)); }
+  };
+  // Every boundary has cracks at the ends of runs; only one that surrounds the whole raster's rim may have none.
+  for (const Run& run : runs) {
+    start_at(run.line, run.j0, -1);
+    start_at(run.line, run.j1 - 1, 1);
   }
   return rings;
 }
 
+namespace {
+
+constexpr std::size_t kMaxHole = 4;
+
+/// The pixels without label around a seed when they are few and surrounded by one label alone; else empty.
+std::int32_t find_hole(const SegmentFrame& frame, const Labels& labels, std::size_t seed,
+                       std::vector<std::size_t>& hole) {
+  hole.assign(1, seed);
+  std::int32_t around = kNoLabel;
+  bool is_closed = true;
+  for (std::size_t next = 0; next < hole.size() && is_closed; ++next) {
+    const int i = frame.line_of(hole[next]);
+    const int j = frame.column_of(hole[next]);
+    const RasterTopology& topology = frame.topology();
+    is_closed =
+        j > 0 && j + 1 < topology.columns() && topology.at(i - 1, j).is_inside && topology.at(i + 1, j).is_inside;
+    topology.for_each_neighbour4(i, j, [&](std::size_t n) {
+      if (labels[n] == kNoLabel) {
+        if (std::find(hole.begin(), hole.end(), n) == hole.end()) { hole.push_back(n); }
+      } else {
+        is_closed = is_closed && (around == kNoLabel || around == labels[n]);
+        around = labels[n];
+      }
+    });
+    is_closed = is_closed && hole.size() <= kMaxHole;
+  }
+  return is_closed ? around : kNoLabel;
+}
+
+}  // namespace
+
 void fill_small_holes(const SegmentFrame& frame, const std::vector<Plane>& planes, Labels& labels) {
-  constexpr std::size_t kMaxHole = 4;
   constexpr double kBehind = 5.0;
-  std::vector<std::uint8_t> seen(labels.size(), 0);
   std::vector<std::size_t> hole;
-  for (std::size_t seed = 0; seed < labels.size(); ++seed) {
-    if (labels[seed] != kNoLabel || seen[seed] != 0) { continue; }
-    hole.assign(1, seed);
-    seen[seed] = 1;
-    std::int32_t around = kNoLabel;
-    bool is_closed = true;
-    for (std::size_t next = 0; next < hole.size(); ++next) {
-      const int i = frame.line_of(hole[next]);
-      const int j = frame.column_of(hole[next]);
-      if (j == 0 || j + 1 == frame.image().columns) { is_closed = false; }
-      if (!frame.topology().at(i - 1, j).is_inside || !frame.topology().at(i + 1, j).is_inside) { is_closed = false; }
-      frame.topology().for_each_neighbour4(i, j, [&](std::size_t n) {
-        if (labels[n] == kNoLabel) {
-          if (seen[n] == 0) {
-            seen[n] = 1;
-            hole.push_back(n);
-          }
-        } else {
-          if (around != kNoLabel && around != labels[n]) { is_closed = false; }
-          around = labels[n];
-        }
-      });
+  const int columns = frame.image().columns;
+  for (std::size_t seed = 0; seed + 1 < labels.size(); ++seed) {
+    // Only a pixel that a label precedes, and only where the gap in the line is short.
+    if (labels[seed] == kNoLabel || labels[seed + 1] != kNoLabel) { continue; }
+    const int room = columns - 1 - frame.column_of(seed);
+    int gap = 0;
+    while (gap < room && gap <= static_cast<int>(kMaxHole) &&
+           labels[seed + static_cast<std::size_t>(gap) + 1] == kNoLabel) {
+      ++gap;
     }
-    if (!is_closed || hole.size() > kMaxHole || around == kNoLabel) { continue; }
+    if (gap == room || gap > static_cast<int>(kMaxHole)) { continue; }
+    const std::int32_t around = find_hole(frame, labels, seed + 1, hole);
+    if (around == kNoLabel) { continue; }
     const Plane& plane = planes[static_cast<std::size_t>(around)];
     const bool is_window = std::any_of(hole.begin(), hole.end(), [&](std::size_t k) {
       if (!frame.is_valid(k)) { return false; }
@@ -252,29 +297,16 @@ void fill_small_holes(const SegmentFrame& frame, const std::vector<Plane>& plane
   }
 }
 
-void snap_to_creases(const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring) {
-  const Plane& own = planes[static_cast<std::size_t>(label)];
-  const auto move_onto = [&own, &planes](const Crack& crack, Vec2& s) {
-    const Plane& other = planes[static_cast<std::size_t>(crack.neighbour)];
-    const Vec2 g(own.e2.dot(other.normal), own.e3.dot(other.normal));
-    constexpr double kTooParallel = 0.17;  // sine of 10 degrees
-    if (g.norm() < kTooParallel) { return; }
-    const double miss = other.normal.dot(other.centroid - own.centroid) - g.dot(s);
-    s += (miss / g.squaredNorm()) * g;
-  };
-  for (std::size_t v = 0; v < ring.cracks.size(); ++v) {
-    Crack& here = ring.cracks[v];
-    const Crack& before = ring.cracks[(v + ring.cracks.size() - 1) % ring.cracks.size()];
-    Vec2 snapped = here.start;
-    // Two rounds bring a corner of three planes close to their common point.
-    for (int round = 0; round < 2; ++round) {
-      if (before.type == EdgeType::Crease) { move_onto(before, snapped); }
-      if (here.type == EdgeType::Crease && here.neighbour != before.neighbour) { move_onto(here, snapped); }
-    }
-    if (here.type == EdgeType::Crease && before.type != EdgeType::Crease) { move_onto(here, snapped); }
-    const double footprint = (2.0 * here.footprint_m) + 0.02;
-    if ((snapped - here.start).norm() <= footprint) { here.start = snapped; }
-  }
+CreaseLine crease_line(const Plane& own, const Plane& other) {
+  const Vec2 g(own.e2.dot(other.normal), own.e3.dot(other.normal));
+  constexpr double kTooParallel = 0.17;  // sine of 10 degrees
+  CreaseLine line;
+  const double norm = g.norm();
+  if (norm < kTooParallel) { return line; }
+  line.is_defined = true;
+  line.normal = g / norm;
+  line.offset = other.normal.dot(other.centroid - own.centroid) / norm;
+  return line;
 }
 
 void add_shared_borders(std::int32_t label, const CrackRing& ring, std::vector<SharedBorder>& borders) {

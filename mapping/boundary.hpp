@@ -9,6 +9,7 @@
 #include "mapping/patch.hpp"
 #include "mapping/segment_frame.hpp"
 #include "mapping/segment_regions.hpp"
+#include "mapping/segment_runs.hpp"
 
 namespace rosid::mapping {
 
@@ -41,7 +42,7 @@ class BoundaryTracer {
       : frame_(frame), labels_(labels), planes_(planes) {}
 
   /// All boundaries of the patch with this label and these pixels, outer and inner, in no particular orientation.
-  std::vector<CrackRing> trace(std::int32_t label, const std::vector<std::size_t>& pixels);
+  std::vector<CrackRing> trace(std::int32_t label, std::span<const Run> runs);
 
  private:
   struct State {
@@ -63,6 +64,7 @@ class BoundaryTracer {
   bool is_inside(int i, int j) const;
   State next(const State& state) const;
   Ray ray(int i, int j) const;
+  Ray corner_ray(const State& state, int ahead_i, int ahead_j) const;
   Vec2 corner(const State& state) const;
   Beyond look_beyond(const State& state) const;
   Beyond compare(const State& state, int steps, std::size_t other) const;
@@ -81,9 +83,16 @@ class BoundaryTracer {
 /// Gives small holes without a return the label around them, for boundaries only.
 void fill_small_holes(const SegmentFrame& frame, const std::vector<Plane>& planes, Labels& labels);
 
-/// Moves vertices at creases onto the line where both planes meet, if that is within the pixel. Plane coordinates of
-/// planes[label].
-void snap_to_creases(const std::vector<Plane>& planes, std::int32_t label, CrackRing& ring);
+/// Where the plane of a neighbour meets a patch's own: normal . s = offset in the coordinates of the own plane.
+struct CreaseLine {
+  Vec2 normal = Vec2::UnitX();
+  double offset = 0.0;
+  bool is_defined = false;  ///< false when the planes are too parallel to say where
+
+  double distance(const Vec2& s) const { return normal.dot(s) - offset; }
+  Vec2 nearest(const Vec2& s) const { return s - distance(s) * normal; }
+};
+CreaseLine crease_line(const Plane& own, const Plane& other);
 
 /// Adds the ring's cracks that border other patches; `borders` stays sorted by (a, b).
 void add_shared_borders(std::int32_t label, const CrackRing& ring, std::vector<SharedBorder>& borders);
@@ -93,12 +102,30 @@ struct PatchOutline {
   Ring outer;
   std::vector<Ring> inner;
   double area_m2 = 0.0;
-  double occlusion = 0.0;
+  double length_m = 0.0;       ///< of all rings
+  double open_length_m = 0.0;  ///< where the surface does not end at a true edge
+  double occlusion() const { return length_m > 0.0 ? open_length_m / length_m : 1.0; }
 };
 
-/// The ring with the largest area becomes the outer ring (counter-clockwise), the others holes; vertices are thinned
-/// to a tolerance of half a pixel, 15 mm at least, without ever crossing. False when nothing with an area remains.
-bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline);
+/// The ring with the largest area becomes the outer ring (counter-clockwise), the others holes. Vertices are thinned
+/// to a tolerance of half a pixel, 15 mm at least, without ever crossing; those at creases are moved onto them. False
+/// when nothing with an area remains.
+bool make_outline(const std::vector<CrackRing>& rings, std::int32_t label, const std::vector<Plane>& planes,
+                  PatchOutline& outline);
+
+/// An edge of one of several rings, the `number`-th of `count` in its ring.
+struct RingEdge {
+  Vec2 from = Vec2::Zero();
+  Vec2 to = Vec2::Zero();
+  std::size_t ring = 0;
+  std::size_t number = 0;
+  std::size_t count = 0;
+};
+/// Adds the edges of a closed ring.
+void append_edges(const std::vector<Vec2>& vertices, std::size_t ring, std::vector<RingEdge>& edges);
+/// Which edges touch another one that is not their neighbour in the same ring, each once, in order. O(n log n) for
+/// edges that are short against the whole.
+std::vector<std::size_t> find_touching(const std::vector<RingEdge>& edges);
 
 /// Makes outer and inner rings free of crossings (folds where the vehicle turned under way, rings that touch) by the
 /// boolean operations of polygon.hpp; edges keep the type of the nearest edge before. Keeps the largest piece.
@@ -108,7 +135,7 @@ bool is_sound(const PatchOutline& outline);
 
 /// Signed area, counter-clockwise positive.
 double signed_area(const std::vector<Vec2>& vertices);
-/// True when no two edges touch other than neighbours at their common vertex. O(n^2).
+/// True when no two edges touch other than neighbours at their common vertex.
 bool is_simple(const std::vector<Vec2>& vertices);
 
 }  // namespace rosid::mapping

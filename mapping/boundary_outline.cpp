@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "mapping/boundary.hpp"
-#include "mapping/polygon.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -27,100 +26,227 @@ std::vector<double> lengths_of(const CrackRing& ring) {
   return lengths;
 }
 
-/// Vertices that must stay: the two that lie farthest apart, and where long stretches of different types meet.
-std::vector<std::size_t> find_anchors(const CrackRing& ring, const std::vector<double>& lengths) {
+double crack_area(const CrackRing& ring) {
+  double twice = 0.0;
+  for (std::size_t v = 0; v < ring.cracks.size(); ++v) {
+    const Vec2& a = ring.cracks[v].start;
+    const Vec2& b = ring.cracks[(v + 1) % ring.cracks.size()].start;
+    twice += (a.x() * b.y()) - (a.y() * b.x());
+  }
+  return 0.5 * twice;
+}
+
+/// Cracks [first, first + count) of one type and one neighbour, modulo the ring.
+struct Stretch {
+  std::size_t first = 0;
+  std::size_t count = 0;
+  double length = 0.0;
+};
+
+std::vector<Stretch> find_stretches(const CrackRing& ring, const std::vector<double>& lengths) {
   const std::size_t n = ring.cracks.size();
-  std::vector<std::size_t> anchors;
-  const auto farthest_from = [&ring, n](std::size_t from) {
-    std::size_t best = 0;
-    double best_distance = -1.0;
-    for (std::size_t v = 0; v < n; ++v) {
-      const double d = (ring.cracks[v].start - ring.cracks[from].start).squaredNorm();
-      if (d > best_distance) {
-        best_distance = d;
-        best = v;
-      }
-    }
-    return best;
-  };
-  const std::size_t one = farthest_from(0);
-  anchors.push_back(one);
-  anchors.push_back(farthest_from(one));
-  // Runs of one type and one neighbour, beginning where one begins.
-  std::size_t begin = 0;
   const auto same = [&ring](std::size_t a, std::size_t b) {
     return ring.cracks[a].type == ring.cracks[b].type && ring.cracks[a].neighbour == ring.cracks[b].neighbour;
   };
+  std::size_t begin = 0;
   while (begin < n && same(begin, (begin + n - 1) % n)) { ++begin; }
-  std::size_t run_start = begin;
-  double run_length = 0.0;
-  for (std::size_t m = 0; m < n && begin < n; ++m) {
+  std::vector<Stretch> stretches;
+  if (begin == n) { return stretches; }  // nothing ever changes
+  for (std::size_t m = 0; m < n; ++m) {
     const std::size_t v = (begin + m) % n;
-    run_length += lengths[v];
-    if (!same(v, (v + 1) % n)) {
-      if (run_length >= kTypeRun_m) {
-        anchors.push_back(run_start);
-        anchors.push_back((v + 1) % n);
-      }
-      run_start = (v + 1) % n;
-      run_length = 0.0;
-    }
+    if (m == 0 || !same(v, (v + n - 1) % n)) { stretches.push_back({v, 0, 0.0}); }
+    ++stretches.back().count;
+    stretches.back().length += lengths[v];
   }
-  std::sort(anchors.begin(), anchors.end());
-  anchors.erase(std::unique(anchors.begin(), anchors.end()), anchors.end());
-  return anchors;
+  return stretches;
 }
 
+/// Squared distance of p from the segment from a to b.
+double distance2(const Vec2& p, const Vec2& a, const Vec2& b) {
+  const double dx = b.x() - a.x();
+  const double dy = b.y() - a.y();
+  const double length2 = (dx * dx) + (dy * dy);
+  const double along = ((p.x() - a.x()) * dx) + ((p.y() - a.y()) * dy);
+  const double t = length2 > 0.0 ? std::clamp(along / length2, 0.0, 1.0) : 0.0;
+  const double ex = p.x() - a.x() - (t * dx);
+  const double ey = p.y() - a.y() - (t * dy);
+  return (ex * ex) + (ey * ey);
+}
+
+/// A ring on its way from cracks to a polygon: which of its vertices stay.
+struct Draft {
+  const CrackRing* ring = nullptr;
+  std::vector<double> lengths;
+  std::vector<Vec2> points;
+  std::vector<std::uint8_t> keep;
+  std::vector<std::uint8_t> is_straight;  ///< crack lies on a stretch that is one edge
+
+  std::size_t size() const { return keep.size(); }
+  const Vec2& at(std::size_t v) const { return points[v % size()]; }
+  /// The vertex between two kept ones that is farthest from the edge between them, and its squared distance; `a` when
+  /// there is none between. `b` may lie beyond the end of the ring.
+  std::pair<std::size_t, double> farthest(std::size_t a, std::size_t b) const {
+    std::pair<std::size_t, double> worst{a, -1.0};
+    const Vec2& from = at(a);
+    const Vec2& to = at(b);
+    for (std::size_t v = a + 1; v < b; ++v) {
+      const double d = distance2(at(v), from, to);
+      if (d > worst.second) { worst = {v, d}; }
+    }
+    return worst;
+  }
+};
+
 /// Douglas-Peucker between two kept vertices; `to` may lie beyond the end of the ring.
-void thin(const CrackRing& ring, std::size_t from, std::size_t to, double tolerance, std::vector<std::uint8_t>& keep) {
-  const std::size_t n = ring.cracks.size();
+void thin(Draft& draft, std::size_t from, std::size_t to, double tolerance) {
   std::vector<std::pair<std::size_t, std::size_t>> stack{{from, to}};
   while (!stack.empty()) {
     const auto [a, b] = stack.back();
     stack.pop_back();
-    double worst = tolerance;
-    std::size_t at = a;
-    for (std::size_t v = a + 1; v < b; ++v) {
-      const double d =
-          distance_to_segment_m(ring.cracks[v % n].start, ring.cracks[a % n].start, ring.cracks[b % n].start);
-      if (d > worst) {
-        worst = d;
-        at = v;
-      }
-    }
-    if (at == a) { continue; }
-    keep[at % n] = 1;
+    const auto [at, d2] = draft.farthest(a, b);
+    if (d2 <= tolerance * tolerance) { continue; }
+    draft.keep[at % draft.size()] = 1;
     stack.emplace_back(a, at);
     stack.emplace_back(at, b);
   }
 }
 
-Ring thinned(const CrackRing& ring, const std::vector<double>& lengths, double tolerance) {
-  const std::size_t n = ring.cracks.size();
-  std::vector<std::uint8_t> keep(n, 0);
-  const std::vector<std::size_t> anchors = find_anchors(ring, lengths);
-  for (std::size_t a = 0; a < anchors.size(); ++a) {
-    keep[anchors[a]] = 1;
-    const std::size_t to = a + 1 < anchors.size() ? anchors[a + 1] : anchors[0] + n;
-    thin(ring, anchors[a], to, tolerance, keep);
+/// Two planes meet in a straight line: a stretch of boundary that stays within the pixels of that line is one edge.
+void straighten(const Stretch& stretch, std::int32_t label, const std::vector<Plane>& planes, Draft& draft) {
+  const std::size_t n = draft.size();
+  const Crack& first = draft.ring->cracks[stretch.first];
+  if (first.type != EdgeType::Crease) { return; }
+  const CreaseLine line =
+      crease_line(planes[static_cast<std::size_t>(label)], planes[static_cast<std::size_t>(first.neighbour)]);
+  if (!line.is_defined) { return; }
+  std::size_t astray = 0;
+  for (std::size_t m = 0; m <= stretch.count; ++m) {
+    const Crack& crack = draft.ring->cracks[(stretch.first + m) % n];
+    constexpr double kSlack_m = 0.02;
+    const double reach = (2.0 * crack.footprint_m) + kSlack_m;
+    const double distance = std::abs(line.distance(crack.start));
+    if (distance > 3.0 * reach) { return; }
+    astray += distance > reach ? 1 : 0;
   }
+  // Single pixels on the wrong side do not bend the edge, as long as its ends are in place.
+  constexpr std::size_t kTenth = 10;
+  if (astray * kTenth > stretch.count) { return; }
+  for (std::size_t m = 0; m < stretch.count; ++m) { draft.is_straight[(stretch.first + m) % n] = 1; }
+  // Twice, so that a corner of two creases comes close to the point of all three planes.
+  for (const std::size_t end : {stretch.first, (stretch.first + stretch.count) % n}) {
+    draft.points[end] = line.nearest(draft.points[end]);
+  }
+}
+
+/// The vertex that is farthest from another one.
+std::size_t farthest_from(const Draft& draft, std::size_t from) {
+  std::size_t best = 0;
+  double best_distance = -1.0;
+  for (std::size_t v = 0; v < draft.size(); ++v) {
+    const double d = (draft.points[v] - draft.points[from]).squaredNorm();
+    if (d > best_distance) {
+      best_distance = d;
+      best = v;
+    }
+  }
+  return best;
+}
+
+Draft make_draft(const CrackRing& ring, std::int32_t label, const std::vector<Plane>& planes, double tolerance) {
+  const std::size_t n = ring.cracks.size();
+  Draft draft;
+  draft.ring = &ring;
+  draft.lengths = lengths_of(ring);
+  draft.keep.assign(n, 0);
+  draft.is_straight.assign(n, 0);
+  draft.points.reserve(n);
+  for (const Crack& crack : ring.cracks) { draft.points.push_back(crack.start); }
+  // Vertices that must stay: where long stretches of different types meet, and the two that lie farthest apart.
+  constexpr int kRounds = 2;
+  const std::vector<Stretch> stretches = find_stretches(ring, draft.lengths);
+  for (int round = 0; round < kRounds; ++round) {
+    for (const Stretch& stretch : stretches) {
+      if (stretch.length < kTypeRun_m) { continue; }
+      draft.keep[stretch.first] = 1;
+      draft.keep[(stretch.first + stretch.count) % n] = 1;
+      straighten(stretch, label, planes, draft);
+    }
+  }
+  const std::size_t one = farthest_from(draft, 0);
+  for (const std::size_t v : {one, farthest_from(draft, one)}) {
+    if (draft.is_straight[v] == 0 || draft.is_straight[(v + n - 1) % n] == 0) { draft.keep[v] = 1; }
+  }
+  std::vector<std::size_t> anchors;
+  for (std::size_t v = 0; v < n; ++v) {
+    if (draft.keep[v] != 0) { anchors.push_back(v); }
+  }
+  for (std::size_t a = 0; a < anchors.size(); ++a) {
+    const std::size_t to = a + 1 < anchors.size() ? anchors[a + 1] : anchors[0] + n;
+    if (draft.is_straight[anchors[a]] == 0) { thin(draft, anchors[a], to, tolerance); }
+  }
+  return draft;
+}
+
+/// The kept vertices in order; each edge has the type of the greater part of its cracks.
+Ring finished(const Draft& draft) {
   Ring result;
   constexpr std::size_t kTypes = 5;
   std::array<double, kTypes> by_type{};
+  const std::size_t n = draft.size();
   std::size_t first = 0;
-  while (first < n && keep[first] == 0) { ++first; }
+  while (first < n && draft.keep[first] == 0) { ++first; }
   for (std::size_t m = 0; m < n; ++m) {
     const std::size_t v = (first + m) % n;
-    if (m == 0 || keep[v] != 0) {
+    const Crack& crack = draft.ring->cracks[v];
+    if (m == 0 || draft.keep[v] != 0) {
       if (m > 0) { by_type.fill(0.0); }
-      result.vertices.push_back(ring.cracks[v].start);
+      result.vertices.push_back(draft.points[v]);
       result.edges.push_back(EdgeType::NoData);
     }
-    by_type[static_cast<std::size_t>(ring.cracks[v].type)] += lengths[v];
+    by_type[static_cast<std::size_t>(crack.type)] += draft.lengths[v];
     const auto most = std::max_element(by_type.begin(), by_type.end());
     result.edges.back() = static_cast<EdgeType>(most - by_type.begin());
   }
   return result;
+}
+
+/// Thinning may pull edges over each other. The cracks themselves do not cross, so edges that do get back the vertex
+/// they have departed from most, until none cross. False when
+/// some still do.
+bool untangle(std::vector<Draft>& drafts) {
+  constexpr int kRounds = 12;
+  constexpr int kPatience = 3;  // then what was moved goes back as well
+  std::vector<RingEdge> edges;
+  std::vector<std::pair<std::size_t, std::size_t>> span;
+  for (int round = 0; round < kRounds; ++round) {
+    edges.clear();
+    span.clear();
+    for (std::size_t r = 0; r < drafts.size(); ++r) {
+      const Draft& draft = drafts[r];
+      std::vector<std::size_t> kept;
+      for (std::size_t v = 0; v < draft.size(); ++v) {
+        if (draft.keep[v] != 0) { kept.push_back(v); }
+      }
+      for (std::size_t e = 0; e < kept.size(); ++e) {
+        const std::size_t to = e + 1 < kept.size() ? kept[e + 1] : kept[0] + draft.size();
+        edges.push_back({draft.at(kept[e]), draft.at(to), r, e, kept.size()});
+        span.emplace_back(kept[e], to);
+      }
+    }
+    const std::vector<std::size_t> touching = find_touching(edges);
+    if (touching.empty()) { return true; }
+    for (const std::size_t e : touching) {
+      Draft& draft = drafts[edges[e].ring];
+      const auto [from, to] = span[e];
+      const std::size_t at = draft.farthest(from, to).first;
+      draft.keep[at % draft.size()] = 1;
+      for (const std::size_t end : {from, to}) {
+        const std::size_t v = end % draft.size();
+        if (at == from || round >= kPatience) { draft.points[v] = draft.ring->cracks[v].start; }
+      }
+    }
+  }
+  return false;
 }
 
 void reverse(Ring& ring) {
@@ -143,42 +269,44 @@ double typical_footprint(const CrackRing& ring) {
 
 }  // namespace
 
-bool make_outline(const std::vector<CrackRing>& rings, PatchOutline& outline) {
+bool make_outline(const std::vector<CrackRing>& rings, std::int32_t label, const std::vector<Plane>& planes,
+                  PatchOutline& outline) {
   outline = PatchOutline{};
-  std::vector<double> areas;
+  if (rings.empty()) { return false; }
+  std::vector<Draft> drafts;
+  std::size_t outer = 0;
+  double largest = -1.0;
   for (const CrackRing& ring : rings) {
-    std::vector<Vec2> vertices;
-    vertices.reserve(ring.cracks.size());
-    for (const Crack& crack : ring.cracks) { vertices.push_back(crack.start); }
-    areas.push_back(std::abs(signed_area(vertices)));
+    const double area = std::abs(crack_area(ring));
+    if (area > largest) {
+      largest = area;
+      outer = drafts.size();
+    } else if (area < kMinHole_m2) {
+      continue;
+    }
+    const double tolerance = std::clamp(kTolerancePixels * typical_footprint(ring), kToleranceMin_m, kToleranceMax_m);
+    drafts.push_back(make_draft(ring, label, planes, tolerance));
+    for (std::size_t v = 0; v < ring.cracks.size(); ++v) {
+      const EdgeType type = ring.cracks[v].type;
+      const double crack_length = drafts.back().lengths[v];
+      outline.length_m += crack_length;
+      outline.open_length_m += type == EdgeType::Crease || type == EdgeType::Occluding ? 0.0 : crack_length;
+    }
   }
-  if (areas.empty()) { return false; }
-  const auto outer = static_cast<std::size_t>(std::max_element(areas.begin(), areas.end()) - areas.begin());
-  double open_length = 0.0;
-  double length = 0.0;
-  for (std::size_t r = 0; r < rings.size(); ++r) {
-    const std::vector<double> lengths = lengths_of(rings[r]);
-    const double tolerance =
-        std::clamp(kTolerancePixels * typical_footprint(rings[r]), kToleranceMin_m, kToleranceMax_m);
-    Ring ring = thinned(rings[r], lengths, tolerance);
-    if (!is_simple(ring.vertices)) { ring = thinned(rings[r], lengths, 0.5 * tolerance); }
-    const double area = signed_area(ring.vertices);
+  const bool is_clean = untangle(drafts);
+  for (std::size_t r = 0; r < drafts.size(); ++r) {
+    Ring ring = finished(drafts[r]);
     const bool is_outer = r == outer;
+    const double area = signed_area(ring.vertices);
     if (ring.vertices.size() < 3 || (!is_outer && std::abs(area) < kMinHole_m2)) { continue; }
     if ((area < 0.0) == is_outer) { reverse(ring); }
-    for (std::size_t v = 0; v < lengths.size(); ++v) {
-      const EdgeType type = rings[r].cracks[v].type;
-      length += lengths[v];
-      open_length += type == EdgeType::Crease || type == EdgeType::Occluding ? 0.0 : lengths[v];
-    }
     if (is_outer) {
       outline.outer = std::move(ring);
     } else {
       outline.inner.push_back(std::move(ring));
     }
   }
-  outline.occlusion = length > 0.0 ? open_length / length : 1.0;
-  if (!is_sound(outline)) { resolve_crossings(outline); }
+  if (!is_clean || outline.outer.vertices.size() < 3) { resolve_crossings(outline); }
   outline.area_m2 = signed_area(outline.outer.vertices);
   for (const Ring& hole : outline.inner) { outline.area_m2 += signed_area(hole.vertices); }
   return outline.outer.vertices.size() >= 3 && outline.area_m2 > 0.0;

@@ -16,24 +16,29 @@ double cross(const Vec2& a, const Vec2& b) {
   return (a.x() * b.y()) - (a.y() * b.x());
 }
 
+/// Do the segments have a point in common, or come within rounding of one another?
 bool segments_touch(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
-  const double d1 = cross(b - a, c - a);
-  const double d2 = cross(b - a, d - a);
-  const double d3 = cross(d - c, a - c);
-  const double d4 = cross(d - c, b - c);
-  const bool crosses = ((d1 > 0.0) != (d2 > 0.0)) && ((d3 > 0.0) != (d4 > 0.0));
+  const Vec2 ab = b - a;
+  const Vec2 cd = d - c;
+  const double c_side = cross(ab, c - a);
+  const double d_side = cross(ab, d - a);
+  const double a_side = cross(cd, a - c);
+  const double b_side = cross(cd, b - c);
+  if (((c_side > 0.0) != (d_side > 0.0)) && ((a_side > 0.0) != (b_side > 0.0))) { return true; }
+  // An end on the other segment: only then is its distance from the other's line next to nothing.
   constexpr double kTouch_m = 1e-9;
-  return crosses || distance_to_segment_m(c, a, b) < kTouch_m || distance_to_segment_m(d, a, b) < kTouch_m ||
-         distance_to_segment_m(a, c, d) < kTouch_m || distance_to_segment_m(b, c, d) < kTouch_m;
+  const double slack_ab = kTouch_m * ab.norm();
+  const double slack_cd = kTouch_m * cd.norm();
+  return (std::abs(c_side) <= slack_ab && distance_to_segment_m(c, a, b) < kTouch_m) ||
+         (std::abs(d_side) <= slack_ab && distance_to_segment_m(d, a, b) < kTouch_m) ||
+         (std::abs(a_side) <= slack_cd && distance_to_segment_m(a, c, d) < kTouch_m) ||
+         (std::abs(b_side) <= slack_cd && distance_to_segment_m(b, c, d) < kTouch_m);
 }
 
-bool rings_touch(const std::vector<Vec2>& p, const std::vector<Vec2>& q) {
-  for (std::size_t a = 0; a < p.size(); ++a) {
-    for (std::size_t b = 0; b < q.size(); ++b) {
-      if (segments_touch(p[a], p[(a + 1) % p.size()], q[b], q[(b + 1) % q.size()])) { return true; }
-    }
-  }
-  return false;
+bool are_neighbours(const RingEdge& a, const RingEdge& b) {
+  if (a.ring != b.ring) { return false; }
+  const std::size_t apart = a.number > b.number ? a.number - b.number : b.number - a.number;
+  return apart <= 1 || apart + 1 == a.count;
 }
 
 /// Type of the edge of the rings that lies nearest to a point.
@@ -62,28 +67,64 @@ double signed_area(const std::vector<Vec2>& vertices) {
   return 0.5 * twice;
 }
 
-bool is_simple(const std::vector<Vec2>& vertices) {
+void append_edges(const std::vector<Vec2>& vertices, std::size_t ring, std::vector<RingEdge>& edges) {
   const std::size_t n = vertices.size();
-  if (n < 3) { return false; }
-  for (std::size_t a = 0; a < n; ++a) {
-    for (std::size_t b = a + 2; b < n; ++b) {
-      if (a == 0 && b + 1 == n) { continue; }
-      if (segments_touch(vertices[a], vertices[a + 1], vertices[b], vertices[(b + 1) % n])) { return false; }
+  for (std::size_t v = 0; v < n; ++v) { edges.push_back({vertices[v], vertices[(v + 1) % n], ring, v, n}); }
+}
+
+std::vector<std::size_t> find_touching(const std::vector<RingEdge>& edges) {
+  // Sweep along x: an edge meets only edges whose interval begins before its own ends.
+  struct Interval {
+    double x0;
+    double x1;
+    double y0;
+    double y1;
+    std::size_t edge;
+  };
+  std::vector<Interval> intervals;
+  intervals.reserve(edges.size());
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    const auto [x0, x1] = std::minmax(edges[e].from.x(), edges[e].to.x());
+    const auto [y0, y1] = std::minmax(edges[e].from.y(), edges[e].to.y());
+    constexpr double kSlack_m = 1e-9;
+    intervals.push_back({x0, x1 + kSlack_m, y0, y1 + kSlack_m, e});
+  }
+  std::sort(intervals.begin(), intervals.end(),
+            [](const Interval& a, const Interval& b) { return a.x0 != b.x0 ? a.x0 < b.x0 : a.edge < b.edge; });
+  std::vector<std::size_t> touching;
+  for (std::size_t m = 0; m < intervals.size(); ++m) {
+    const Interval& here = intervals[m];
+    for (std::size_t n = m + 1; n < intervals.size() && intervals[n].x0 <= here.x1; ++n) {
+      const Interval& other = intervals[n];
+      if (other.y0 > here.y1 || here.y0 > other.y1) { continue; }
+      const RingEdge& a = edges[here.edge];
+      const RingEdge& b = edges[other.edge];
+      if (are_neighbours(a, b) || !segments_touch(a.from, a.to, b.from, b.to)) { continue; }
+      touching.push_back(here.edge);
+      touching.push_back(other.edge);
     }
   }
-  return true;
+  std::sort(touching.begin(), touching.end());
+  touching.erase(std::unique(touching.begin(), touching.end()), touching.end());
+  return touching;
+}
+
+bool is_simple(const std::vector<Vec2>& vertices) {
+  if (vertices.size() < 3) { return false; }
+  std::vector<RingEdge> edges;
+  append_edges(vertices, 0, edges);
+  return find_touching(edges).empty();
 }
 
 bool is_sound(const PatchOutline& outline) {
-  if (!is_simple(outline.outer.vertices)) { return false; }
+  if (outline.outer.vertices.size() < 3) { return false; }
+  std::vector<RingEdge> edges;
+  append_edges(outline.outer.vertices, 0, edges);
   for (std::size_t h = 0; h < outline.inner.size(); ++h) {
-    const std::vector<Vec2>& hole = outline.inner[h].vertices;
-    if (!is_simple(hole) || rings_touch(hole, outline.outer.vertices)) { return false; }
-    for (std::size_t g = 0; g < h; ++g) {
-      if (rings_touch(hole, outline.inner[g].vertices)) { return false; }
-    }
+    if (outline.inner[h].vertices.size() < 3) { return false; }
+    append_edges(outline.inner[h].vertices, h + 1, edges);
   }
-  return true;
+  return find_touching(edges).empty();
 }
 
 void resolve_crossings(PatchOutline& outline) {

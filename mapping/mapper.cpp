@@ -46,7 +46,8 @@ std::vector<Patch> usable_patches(const SurfaceView& view) {
   std::vector<Patch> result;
   result.reserve(view.patches.size());
   for (const Patch& patch : view.patches) {
-    if (!is_usable(patch.plane)) { continue; }
+    // What is not plane is no help in finding a pose yet, and would be a false wall in the map.
+    if (patch.cylinder || !is_usable(patch.plane)) { continue; }
     const auto is_bad = [](const Ring& ring) {
       return ring.vertices.size() < 3 ||
              !std::all_of(ring.vertices.begin(), ring.vertices.end(), [](const Vec2& v) { return v.allFinite(); });

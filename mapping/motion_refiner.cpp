@@ -125,7 +125,7 @@ void MotionRefiner::Impl::collect(const SurfaceView& view, const RangeImage& ima
   surfaces.clear();
   std::vector<int> surface_of(view.patches.size() + 1, -1);
   for (const Patch& patch : view.patches) {
-    if (patch.attributes.pixel_count < kMinPixels || patch.id >= surface_of.size()) { continue; }
+    if (patch.cylinder || patch.attributes.pixel_count < kMinPixels || patch.id >= surface_of.size()) { continue; }
     surface_of[patch.id] = static_cast<int>(surfaces.size());
     surfaces.push_back(linear_surface(patch.plane));
   }

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "base/pose.hpp"
@@ -27,6 +28,20 @@ struct Plane {
   Mat3 covariance() const { return covariance_independent + covariance_correlated; }
   Vec2 to_plane(const Vec3& x) const { return {e2.dot(x - centroid), e3.dot(x - centroid)}; }
   Vec3 from_plane(const Vec2& s) const { return centroid + s.x() * e2 + s.y() * e3; }
+};
+
+/// Right circular cylinder |x - point - axis axis . (x - point)| = radius in the frame its owner states.
+///
+/// Errors are 5-dof (alpha2, alpha3, p2, p3, r): daxis = e2 alpha2 + e3 alpha3 (rad), dpoint = e2 p2 + e3 p3 (m) at
+/// `point`, the middle of the seen part projected on the axis, and dradius (m).
+struct Cylinder {
+  Vec3 axis = Vec3::UnitZ();  ///< (e2, e3, axis) is right-handed and orthonormal
+  Vec3 e2 = Vec3::UnitX();
+  Vec3 e3 = Vec3::UnitY();
+  Vec3 point = Vec3::Zero();
+  double radius_m = 0.0;
+  bool is_convex = true;  ///< seen from outside: a pipe; false: a vessel or tunnel from inside
+  Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
 };
 
 /// What lies beyond a boundary edge.
@@ -66,7 +81,10 @@ struct Patch {
   /// To independent unit normal variables that all patches of a view have in common; plane.covariance_independent
   /// contains motion * motion^T. Empty: no common part is known. Always empty in a map.
   MotionResponse motion;
-  std::vector<Ring> outer;  ///< one for a patch of a view; a map patch may have several
+  /// Set when the surface is not plane: `plane` is then the plane nearest to its points, good for outline and drawing,
+  /// and says nothing about where the surface is.
+  std::optional<Cylinder> cylinder;
+  std::vector<Ring> outer;  ///< several where something narrow in front cuts the surface apart, and in a map
   std::vector<Ring> inner;
   PatchAttributes attributes;
 };

@@ -10,93 +10,80 @@
 namespace rosid::mapping {
 namespace {
 
-using Mat36 = Eigen::Matrix<double, 3, 6>;
-using Line36 = std::vector<Mat36, Eigen::aligned_allocator<Mat36>>;
+/// Over this angle along a line range, incidence and noise hardly change.
+constexpr double kPiece_rad = 0.08;
+constexpr int kMaxPiece = 20;
+/// A start whose normal was farther off weighed the pixels wrongly.
+constexpr double kSameWeights_rad = 0.03;
+constexpr double kTiny = 1e-12;
 
-constexpr int kPasses = 2;
-/// Residuals beyond this many standard deviations count less and less (Huber).
-constexpr double kHuber = 3.0;
-
-/// Weighted sums of one pass; points relative to the sensor.
-struct Sums {
-  double weight = 0.0;
-  Vec3 mean = Vec3::Zero();
-  Mat3 scatter = Mat3::Zero();
-  Mat3 noise = Mat3::Zero();  ///< S_n: what noise alone adds to the scatter
-};
-
-/// Covariance of a point from errors of its own, and of its line's turret angle [maths (3.1)].
-Mat3 own_covariance(const SegmentFrame& frame, std::size_t k) {
-  const Vec3 d = frame.direction(k);
-  const double across = static_cast<double>(frame.image().range_m[k]) * frame.calibration().deflection_sigma_rad;
-  const Vec3 t = across * frame.tangent(k);
-  return (frame.range_sigma() * frame.range_sigma()) * d * d.transpose() + t * t.transpose();
+/// Scatter about `mean` (relative to the moments' origin).
+Mat3 scatter_about(const Moments& m, const Vec3& mean) {
+  const Mat3 cross = m.sum() * mean.transpose();
+  return m.products() - cross - cross.transpose() + m.count * mean * mean.transpose();
 }
 
-class Fitter {
- public:
-  Fitter(const SegmentFrame& frame, std::span<const std::size_t> pixels) : frame_(frame), pixels_(pixels) {
-    weight_.resize(pixels.size());
+}  // namespace
+
+bool PlaneFitter::fit(std::span<const Run> runs, const QuickPlane& start, PlaneFit& fit) {
+  if (start.count < 4.0) { return false; }
+  normal_ = start.normal;
+  origin_ = start.centroid;
+  constexpr int kPasses = 2;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const Vec3 before = normal_;
+    accumulate(runs);
+    if (!solve()) { return false; }
+    if (before.cross(normal_).norm() < kSameWeights_rad) { break; }
   }
+  propagate(fit);
+  measure(fit);
+  return fit.noise.allFinite();
+}
 
-  bool run(const QuickPlane& start, PlaneFit& fit) {
-    normal_ = start.normal;
-    centroid_ = start.centroid;
-    for (int pass = 0; pass < kPasses; ++pass) {
-      weigh(pass > 0);
-      if (!solve()) { return false; }
-    }
-    propagate(fit);
-    return fit.noise.allFinite();
-  }
-
- private:
-  void weigh(bool is_robust);
-  bool solve();
-  Mat3 jacobian(const Vec3& q, double w) const;
-  void propagate(PlaneFit& fit) const;
-  double bow() const;
-  Mat3 motion_covariance(const Line36& sensitivity) const;
-  MotionResponse knot_response(const Line36& sensitivity) const;
-
-  const SegmentFrame& frame_;
-  std::span<const std::size_t> pixels_;
-  std::vector<double> weight_;
-  Sums sums_;
-  Vec3 normal_ = Vec3::UnitZ();
-  Vec3 centroid_ = Vec3::Zero();
-  Vec3 lambda_ = Vec3::Zero();
-  Mat3 axes_ = Mat3::Identity();  ///< columns normal, e2, e3
-};
-
-void Fitter::weigh(bool is_robust) {
-  for (std::size_t p = 0; p < pixels_.size(); ++p) {
-    const std::size_t k = pixels_[p];
-    const double variance = std::max(frame_.variance(k, normal_).total(), 1e-12);
-    weight_[p] = 1.0 / variance;
-    if (is_robust) {
-      const double z = std::abs(normal_.dot(frame_.point(k) - centroid_)) / std::sqrt(variance);
-      if (z > kHuber) { weight_[p] *= kHuber / z; }
+void PlaneFitter::accumulate(std::span<const Run> runs) {
+  unit_ = weighted_ = information_ = rough_ = Moments{};
+  noise_.setZero();
+  pieces_.clear();
+  lines_.clear();
+  const int length = std::clamp(static_cast<int>(kPiece_rad / frame_.image().step_rad), 2, kMaxPiece);
+  for (const Run& run : runs) {
+    if (lines_.empty() || lines_.back().line != run.line) { lines_.push_back({run.line, {}}); }
+    const int count = (run.pixels() + length - 1) / length;
+    for (int piece = 0; piece < count; ++piece) {
+      add_piece(run.line, run.j0 + (piece * run.pixels() / count), run.j0 + ((piece + 1) * run.pixels() / count));
     }
   }
 }
 
-bool Fitter::solve() {
-  sums_ = Sums{};
-  for (std::size_t p = 0; p < pixels_.size(); ++p) {
-    sums_.weight += weight_[p];
-    sums_.mean += weight_[p] * (frame_.point(pixels_[p]) - centroid_);
+void PlaneFitter::add_piece(int line, int j0, int j1) {
+  Moments m;
+  const std::size_t begin = frame_.image().index(line, j0);
+  for (std::size_t k = begin; k < begin + static_cast<std::size_t>(j1 - j0); ++k) {
+    m.add(static_cast<double>(frame_.x()[k]) - origin_.x(), static_cast<double>(frame_.y()[k]) - origin_.y(),
+          static_cast<double>(frame_.z()[k]) - origin_.z());
   }
-  sums_.mean = centroid_ + sums_.mean / sums_.weight;
-  for (std::size_t p = 0; p < pixels_.size(); ++p) {
-    const std::size_t k = pixels_[p];
-    const double w = weight_[p];
-    const Vec3 q = frame_.point(k) - sums_.mean;
-    sums_.scatter += w * q * q.transpose();
-    const Vec3 s = frame_.calibration().turret_sigma_rad * frame_.sweep(k);
-    sums_.noise += (w * (1.0 - (w / sums_.weight))) * (own_covariance(frame_, k) + s * s.transpose());
-  }
-  const auto corrected = eigenpairs(Mat3(sums_.scatter - sums_.noise));
+  const std::size_t middle = frame_.image().index(line, (j0 + j1) / 2);
+  const SegmentFrame::Noise noise = frame_.noise(middle);
+  const SegmentFrame::Variance variance = frame_.variance(noise, normal_);
+  const double w = 1.0 / std::max(variance.total(), kTiny);
+  const double allowed = (frame_.is_bent() ? variance.total() : variance.own) + frame_.flatness_variance();
+  unit_ += m;
+  weighted_.add(m, w);
+  information_.add(m, w * w * variance.own);
+  rough_.add(m, 1.0 / std::max(allowed, kTiny));
+  lines_.back().moments.add(m, w);
+  const double total = w * m.count;
+  noise_.noalias() += total * noise.range * noise.range.transpose();
+  noise_.noalias() += total * noise.deflection * noise.deflection.transpose();
+  noise_.noalias() += total * noise.turret * noise.turret.transpose();
+  pieces_.push_back({m.mean(), m.count, frame_.element_area(middle, normal_)});
+}
+
+bool PlaneFitter::solve() {
+  mean_ = weighted_.mean();
+  const double share = 1.0 - (1.0 / unit_.count);
+  const auto corrected = eigenpairs(Mat3(scatter_about(weighted_, mean_) - share * noise_));
   lambda_ = corrected.values;
   axes_ = corrected.vectors;
   const bool spans = lambda_.allFinite() && lambda_[1] > 2.0 * std::abs(lambda_[0]) && lambda_[1] > 1e-9;
@@ -104,116 +91,159 @@ bool Fitter::solve() {
   if (axes_.col(0).dot(normal_) < 0.0) { axes_.col(0) = -axes_.col(0); }
   axes_.col(2) = axes_.col(0).cross(axes_.col(1));  // e2 x e3 = n
   normal_ = axes_.col(0);
-  centroid_ = sums_.mean;
   return true;
 }
 
-Mat3 Fitter::jacobian(const Vec3& q, double w) const {
-  // maths (3.5)
+Vec3 PlaneFitter::turret_response(const LineSum& sum) const {
+  // Sum of J_k (axis x (x_k - o)) over the line [maths (3.5), (3.7)]; everything in it is of second order in x.
+  const LineInfo& line = frame_.image().line[static_cast<std::size_t>(sum.line)];
+  const Mat3 A = skew(line.spin_axis_V);
+  const Vec3 b = A * (origin_ + mean_ + frame_.image().sensor_V - line.origin_V);
+  const Vec3 m = sum.moments.sum() - sum.moments.count * mean_;
+  const Mat3 Q = scatter_about(sum.moments, mean_);
   const Vec3 n = axes_.col(0);
-  const Vec3 e2 = axes_.col(1);
-  const Vec3 e3 = axes_.col(2);
-  const double qn = q.dot(n);
-  Mat3 J;
-  J.row(0) = (w / (lambda_[0] - lambda_[1])) * (qn * e2 + q.dot(e2) * n).transpose();
-  J.row(1) = (w / (lambda_[0] - lambda_[2])) * (qn * e3 + q.dot(e3) * n).transpose();
-  J.row(2) = (w / sums_.weight) * n.transpose();
-  return J;
+  Vec3 response;
+  for (int axis = 1; axis <= 2; ++axis) {
+    const Vec3 e = axes_.col(axis);
+    const double first = e.dot(A * (Q * n)) + (e.dot(b) * m.dot(n));
+    const double second = n.dot(A * (Q * e)) + (n.dot(b) * m.dot(e));
+    response[axis - 1] = (first + second) / (lambda_[0] - lambda_[axis]);
+  }
+  response[2] = (n.dot(A * m) + (sum.moments.count * n.dot(b))) / weighted_.count;
+  return response;
 }
 
-void Fitter::propagate(PlaneFit& fit) const {
-  const auto lines = static_cast<std::size_t>(frame_.image().lines);
-  Mat3 independent = Mat3::Zero();
-  std::vector<Vec3> turret(lines, Vec3::Zero());
-  Line36 motion(frame_.is_moving() ? lines : 0, Mat36::Zero());
-  double sum_squares = 0.0;
-  double chi2 = 0.0;
-  double rough = 0.0;
-  for (std::size_t p = 0; p < pixels_.size(); ++p) {
-    const std::size_t k = pixels_[p];
-    const auto line = static_cast<std::size_t>(frame_.line_of(k));
-    const Vec3 q = frame_.point(k) - sums_.mean;
-    const Mat3 J = jacobian(q, weight_[p]);
-    independent += J * own_covariance(frame_, k) * J.transpose();
-    turret[line] += J * frame_.sweep(k);
-    if (frame_.is_moving()) {
-      motion[line].leftCols<3>() -= J * skew(frame_.image().point_V[k].cast<double>());
-      motion[line].rightCols<3>() += J;
-    }
-    const double e = q.dot(normal_);
-    sum_squares += e * e;
-    const SegmentFrame::Variance expected = frame_.variance(k, normal_);
-    chi2 += e * e / std::max(expected.total(), 1e-12);
-    rough += e * e / ((frame_.is_bent() ? expected.total() : expected.own) + frame_.flatness_variance());
+PlaneFitter::Mat36 PlaneFitter::motion_response(const LineSum& sum) const {
+  // Sum of J_k [-[x]x, I] over the line, x in V: rotation and translation of the vehicle at that time.
+  const Vec3 c = origin_ + mean_ + frame_.image().sensor_V;
+  const Vec3 m = sum.moments.sum() - sum.moments.count * mean_;
+  const Mat3 Q = scatter_about(sum.moments, mean_);
+  const Vec3 n = axes_.col(0);
+  Mat36 response;
+  for (int axis = 1; axis <= 2; ++axis) {
+    const Vec3 e = axes_.col(axis);
+    const double scale = 1.0 / (lambda_[0] - lambda_[axis]);
+    const Vec3 rotation = Vec3(Q * n).cross(e) + m.dot(n) * c.cross(e) + Vec3(Q * e).cross(n) + m.dot(e) * c.cross(n);
+    response.row(axis - 1) << scale * rotation.transpose(), scale * (m.dot(n) * e + m.dot(e) * n).transpose();
   }
-  const auto count = static_cast<double>(pixels_.size());
-  fit.rms_m = std::sqrt(sum_squares / count);
-  fit.chi2_reduced = chi2 / std::max(count - 3.0, 1.0);
-  fit.roughness = std::sqrt(rough / count);
+  const Vec3 rotation = Vec3(m + sum.moments.count * c).cross(n);
+  response.row(2) << rotation.transpose() / weighted_.count, (sum.moments.count / weighted_.count) * n.transpose();
+  return response;
+}
+
+void PlaneFitter::propagate(PlaneFit& fit) {
+  const double chi2 = normal_.dot(scatter_about(weighted_, mean_) * normal_);
+  fit.chi2_reduced = chi2 / std::max(unit_.count - 3.0, 1.0);
   fit.lambda = lambda_;
-  fit.bow_m = bow();
+  // A pixel's own errors move the plane along its normal, to first order [maths (3.6)].
+  Mat3 lever = Mat3::Zero();  // to the plane's errors, of (x - mean) and 1
+  Mat3 second = Mat3::Zero();
+  const Mat3 Q = scatter_about(information_, mean_);
+  const Vec3 m = information_.sum() - information_.count * mean_;
+  second.topLeftCorner<2, 2>() = axes_.rightCols<2>().transpose() * Q * axes_.rightCols<2>();
+  second.topRightCorner<2, 1>() = axes_.rightCols<2>().transpose() * m;
+  second.bottomLeftCorner<1, 2>() = second.topRightCorner<2, 1>().transpose();
+  second(2, 2) = information_.count;
+  lever.diagonal() << 1.0 / (lambda_[0] - lambda_[1]), 1.0 / (lambda_[0] - lambda_[2]), 1.0 / weighted_.count;
   // Noise that turned out larger than calibrated is believed.
-  fit.noise = std::max(1.0, fit.chi2_reduced) * independent;
-  const double turret_variance = frame_.calibration().turret_sigma_rad * frame_.calibration().turret_sigma_rad;
-  for (const Vec3& a : turret) { fit.noise += turret_variance * a * a.transpose(); }  // maths (3.7)
+  fit.noise = std::max(1.0, fit.chi2_reduced) * lever * second * lever;
+  const double turret = frame_.calibration().turret_sigma_rad;
+  motion_.clear();
+  for (const LineSum& sum : lines_) {
+    const Vec3 a = turret * turret_response(sum);
+    fit.noise += a * a.transpose();  // maths (3.7)
+    if (frame_.is_moving()) { motion_.push_back(motion_response(sum)); }
+  }
   if (!frame_.image().motion.empty()) {
-    fit.motion = knot_response(motion);
+    fit.motion = knot_response();
     fit.noise += fit.motion * fit.motion.transpose();
   } else if (frame_.is_moving()) {
-    fit.noise += motion_covariance(motion);
+    fit.noise += motion_covariance();
   }
+}
+
+void PlaneFitter::measure(PlaneFit& fit) const {
+  const auto mean_square = [this](const Moments& m) { return normal_.dot(scatter_about(m, mean_) * normal_); };
+  fit.pixels = static_cast<int>(unit_.count);
+  fit.weight = weighted_.count;
+  fit.rms_m = std::sqrt(std::max(0.0, mean_square(unit_)) / unit_.count);
+  fit.roughness = std::sqrt(std::max(0.0, mean_square(rough_)) / unit_.count);
+  measure_bend(fit);
   const double angle = frame_.calibration().angle_systematic_sigma_rad;
   const double range = frame_.calibration().range_systematic_sigma_m;
   fit.plane.normal = normal_;
   fit.plane.e2 = axes_.col(1);
   fit.plane.e3 = axes_.col(2);
-  fit.plane.centroid = centroid_ + frame_.image().sensor_V;
+  fit.plane.centroid = origin_ + mean_ + frame_.image().sensor_V;
   fit.plane.covariance_independent = fit.noise;
   fit.plane.covariance_independent.diagonal() += Vec3(angle * angle, angle * angle, range * range);  // maths (3.8)
   fit.plane.covariance_correlated.setZero();
+  double area = 0.0;
+  Vec2 first = Vec2::Zero();
+  Mat2 second = Mat2::Zero();
+  for (const Piece& piece : pieces_) {
+    const double a = piece.count * piece.element;
+    const Vec3 q = piece.mean - mean_;
+    const Vec2 s(q.dot(axes_.col(1)), q.dot(axes_.col(2)));
+    area += a;
+    first += a * s;
+    second += a * s * s.transpose();
+  }
+  fit.area_m2 = area;
+  if (!(area > 0.0)) { return; }
+  fit.mean_m = first / area;
+  fit.spread_m2 = second / area - fit.mean_m * fit.mean_m.transpose();
 }
 
-double Fitter::bow() const {
+void PlaneFitter::measure_bend(PlaneFit& fit) const {
   // Coordinates in units of the patch's own size keep the normal equations well conditioned.
-  const Vec3 scale = (lambda_ / sums_.weight).cwiseMax(1e-12).cwiseSqrt();
+  const Vec3 scale = (lambda_ / weighted_.count).cwiseMax(kTiny).cwiseSqrt();
+  const Vec3 u = axes_.col(1) / scale[1];
+  const Vec3 v = axes_.col(2) / scale[2];
   Mat6 A = Mat6::Zero();
   Vec6 b = Vec6::Zero();
-  for (const std::size_t k : pixels_) {
-    const Vec3 q = frame_.point(k) - sums_.mean;
-    const double s = q.dot(axes_.col(1)) / scale[1];
-    const double t = q.dot(axes_.col(2)) / scale[2];
+  for (const Piece& piece : pieces_) {
+    const Vec3 q = piece.mean - mean_;
+    const double s = q.dot(u);
+    const double t = q.dot(v);
     Vec6 row;
     row << 1.0, s, t, s * s, s * t, t * t;
-    A.selfadjointView<Eigen::Lower>().rankUpdate(row);
-    b += q.dot(normal_) * row;
+    A.noalias() += (piece.count * row) * row.transpose();
+    b += (piece.count * q.dot(normal_)) * row;
   }
-  A.triangularView<Eigen::StrictlyUpper>() = A.transpose();
-  A.diagonal().array() += 1e-9 * static_cast<double>(pixels_.size());
+  A.diagonal().array() += 1e-9 * unit_.count;
   // What the constant and the slopes explain is the plane's own affair.
-  const double whole = mahalanobis2(b, A);
+  const Vec6 quadric = inverse_of_spd(A) * b;
+  const double whole = b.dot(quadric);
   const double flat = mahalanobis2(Vec3(b.head<3>()), Mat3(A.topLeftCorner<3, 3>()));
-  return std::sqrt(std::max(whole - flat, 0.0) / static_cast<double>(pixels_.size()));
+  fit.bow_m = std::sqrt(std::max(whole - flat, 0.0) / unit_.count);
+  const double ss = 2.0 * quadric[3] / (scale[1] * scale[1]);
+  const double st = quadric[4] / (scale[1] * scale[2]);
+  const double tt = 2.0 * quadric[5] / (scale[2] * scale[2]);
+  fit.curvature_per_m = (0.5 * std::abs(ss + tt)) + std::hypot(0.5 * (ss - tt), st);
 }
 
-Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
+Mat3 PlaneFitter::motion_covariance() const {
   // The lines' motion errors are a random walk away from t_ref in both directions of time: each step's noise is common
   // to all lines beyond it.
   const RangeImage& image = frame_.image();
-  std::vector<int> order(sensitivity.size());
-  std::iota(order.begin(), order.end(), 0);
-  const auto time_from_ref = [&image](int i) {
-    return (image.line[static_cast<std::size_t>(i)].t - image.t_ref).count();
+  std::vector<std::size_t> order(lines_.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto time_from_ref = [&](std::size_t s) {
+    return (image.line[static_cast<std::size_t>(lines_[s].line)].t - image.t_ref).count();
   };
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return time_from_ref(a) < time_from_ref(b); });
-  const auto first_after = std::find_if(order.begin(), order.end(), [&](int i) { return time_from_ref(i) >= 0; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return time_from_ref(a) < time_from_ref(b); });
+  const auto first_after =
+      std::find_if(order.begin(), order.end(), [&](std::size_t s) { return time_from_ref(s) >= 0; });
   Mat3 sum = Mat3::Zero();
   const auto walk = [&](const auto& begin, const auto& end) {  // from the far end towards t_ref
     Mat36 beyond = Mat36::Zero();
     for (auto it = begin; it != end; ++it) {
-      beyond += sensitivity[static_cast<std::size_t>(*it)];
+      beyond += motion_[*it];
       const auto nearer = std::next(it);
-      const Mat6 step =
-          nearer == end ? frame_.line_motion(*it) : Mat6(frame_.line_motion(*it) - frame_.line_motion(*nearer));
+      const Mat6& here = frame_.line_motion(lines_[*it].line);
+      const Mat6 step = nearer == end ? here : Mat6(here - frame_.line_motion(lines_[*nearer].line));
       sum += beyond * step * beyond.transpose();
     }
   };
@@ -222,24 +252,17 @@ Mat3 Fitter::motion_covariance(const Line36& sensitivity) const {
   return sum;
 }
 
-MotionResponse Fitter::knot_response(const Line36& sensitivity) const {
+MotionResponse PlaneFitter::knot_response() const {
   const RangeImage& image = frame_.image();
   const auto size = static_cast<Eigen::Index>(6 * image.motion.t.size());
   MotionResponse S = MotionResponse::Zero(3, size);
-  for (std::size_t i = 0; i < sensitivity.size(); ++i) {
-    const KnotShare share = knot_share(image.motion.t, image.line[i].t);
+  for (std::size_t s = 0; s < motion_.size(); ++s) {
+    const KnotShare share = knot_share(image.motion.t, image.line[static_cast<std::size_t>(lines_[s].line)].t);
     const auto at = static_cast<Eigen::Index>(6 * share.first);
-    S.middleCols<6>(at) += (1.0 - share.second_share) * sensitivity[i];
-    S.middleCols<6>(at + 6) += share.second_share * sensitivity[i];
+    S.middleCols<6>(at) += (1.0 - share.second_share) * motion_[s];
+    S.middleCols<6>(at + 6) += share.second_share * motion_[s];
   }
   return S * image.motion.factor;
-}
-
-}  // namespace
-
-bool fit_plane(const SegmentFrame& frame, std::span<const std::size_t> pixels, const QuickPlane& start, PlaneFit& fit) {
-  if (pixels.size() < 4) { return false; }
-  return Fitter(frame, pixels).run(start, fit);
 }
 
 }  // namespace rosid::mapping

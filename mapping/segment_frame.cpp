@@ -17,8 +17,11 @@ constexpr double kNoiseFactorMax = 2.5;
 constexpr double kFlatnessShare = 0.75;
 constexpr double kFlatnessMin_m = 0.003;
 constexpr std::size_t kNoiseSamplesMin = 200;
-constexpr int kWindowColumnsMax = 8;
-constexpr int kWindowLinesMax = 24;
+/// Second differences are taken on so many pixels at most: the median does not get better with more.
+constexpr std::size_t kNoiseSamplesMax = 8192;
+constexpr float kFarthest_m = 1000.0F;
+constexpr double kMinIncidence = 0.0523;  // sine of 3 degrees
+constexpr double kLargestCell_sr = 0.1;
 
 bool sizes_agree(const RangeImage& image) {
   if (image.lines <= 0 || image.columns <= 0 || !(image.step_rad > 0.0) || !image.sensor_V.allFinite()) {
@@ -34,9 +37,9 @@ bool is_sane(const LineInfo& line) {
          line.X_RV.p.allFinite() && line.X_RV.q.coeffs().allFinite();
 }
 
-/// Range a plane through the points at the left and right neighbour has in the middle.
-double planar_range(double left, double right, double step_rad) {
-  return 2.0 * std::cos(step_rad) * left * right / (left + right);
+/// Range a plane through the points at the left and right neighbour has in the middle; twice_cosine of the step.
+float planar_range(float left, float right, float twice_cosine) {
+  return twice_cosine * left * right / (left + right);
 }
 
 }  // namespace
@@ -49,59 +52,40 @@ bool SegmentFrame::prepare(const RangeImage& image) {
   if (!sizes_agree(image)) { return false; }
   mark_valid();
   topology_ = RasterTopology(image);
-  find_tangents();
   measure_noise();
   mark_veils();
-  const int pad = topology_.is_glued() ? std::clamp(image.lines / 8, 1, kWindowLinesMax) : 0;
-  moments_.build(image, topology_, usable_, pad);
-  find_solid_angles();
-  local_.assign(image.size(), Local{});
   return true;
 }
 
 void SegmentFrame::mark_valid() {
   const std::size_t n = image_->size();
-  valid_.assign(n, 0);
-  motion_.assign(image_->line.size(), Mat6::Zero());
-  motion_blocks_.assign(image_->line.size(), {Mat3::Zero(), Mat3::Zero(), Mat3::Zero()});
+  valid_.resize(n);
+  x_.resize(n);
+  y_.resize(n);
+  z_.resize(n);
+  motion_.resize(image_->line.size());
   is_moving_ = false;
-  for (int i = 0; i < image_->lines; ++i) {
-    const LineInfo& line = image_->line[static_cast<std::size_t>(i)];
-    if (!is_sane(line)) { continue; }
-    Mat6& motion = motion_[static_cast<std::size_t>(i)];
-    motion = twist_covariance(line);
-    is_moving_ = is_moving_ || motion.diagonal().maxCoeff() > 0.0;
-    motion_blocks_[static_cast<std::size_t>(i)] = {motion.topLeftCorner<3, 3>(), motion.topRightCorner<3, 3>(),
-                                                   motion.bottomRightCorner<3, 3>()};
-    for (int j = 0; j < image_->columns; ++j) {
-      const std::size_t k = image_->index(i, j);
+  const Eigen::Vector3f sensor = image_->sensor_V.cast<float>();
+  const auto columns = static_cast<std::size_t>(image_->columns);
+  for (std::size_t i = 0; i < image_->line.size(); ++i) {
+    const LineInfo& line = image_->line[i];
+    const bool line_is_sane = is_sane(line);
+    motion_[i] = line_is_sane && !line.motion_covariance.isZero(0.0) ? twist_covariance(line) : Mat6(Mat6::Zero());
+    is_moving_ = is_moving_ || motion_[i].diagonal().maxCoeff() > 0.0;
+    for (std::size_t k = i * columns; k < (i + 1) * columns; ++k) {
       const float r = image_->range_m[k];
-      constexpr float kFarthest_m = 1000.0F;
-      const bool ok = std::isfinite(r) && r > 0.0F && r < kFarthest_m && image_->point_V[k].allFinite() &&
-                      image_->direction_V[k].allFinite();
+      const Eigen::Vector3f& p = image_->point_V[k];
+      const Eigen::Vector3f& d = image_->direction_V[k];
+      // A sum of finite values times zero is zero, any other is not a number.
+      const bool is_finite = 0.0F * (p.x() + p.y() + p.z() + d.x() + d.y() + d.z()) == 0.0F;
+      const Eigen::Vector3f q = p - sensor;
+      const bool ok = line_is_sane && is_finite && r > 0.0F && r < kFarthest_m &&
+                      q.squaredNorm() < 4.0F * kFarthest_m * kFarthest_m;
       valid_[k] = ok ? 1 : 0;
       valid_count_ += ok ? 1 : 0;
-    }
-  }
-}
-
-void SegmentFrame::find_tangents() {
-  const std::size_t n = image_->size();
-  tangent_.assign(n, Eigen::Vector3f::Zero());
-  sweep_.assign(n, Eigen::Vector3f::Zero());
-  const int last = image_->columns - 1;
-  for (int i = 0; i < image_->lines; ++i) {
-    const LineInfo& line = image_->line[static_cast<std::size_t>(i)];
-    for (int j = 0; j <= last; ++j) {
-      const std::size_t k = image_->index(i, j);
-      if (valid_[k] == 0) { continue; }
-      const Eigen::Vector3f& d = image_->direction_V[k];
-      const Eigen::Vector3f along = image_->direction_V[image_->index(i, std::min(j + 1, last))] -
-                                    image_->direction_V[image_->index(i, std::max(j - 1, 0))];
-      const Eigen::Vector3f across = along - d.dot(along) * d;
-      const float length = across.norm();
-      if (length > 0.0F && std::isfinite(length)) { tangent_[k] = across / length; }
-      sweep_[k] = line.spin_axis_V.cross(image_->point_V[k].cast<double>() - line.origin_V).cast<float>();
+      x_[k] = ok ? q.x() : 0.0F;
+      y_[k] = ok ? q.y() : 0.0F;
+      z_[k] = ok ? q.z() : 0.0F;
     }
   }
 }
@@ -109,15 +93,18 @@ void SegmentFrame::find_tangents() {
 void SegmentFrame::measure_noise() {
   // Second differences along the lines; most of any scene is locally planar, so their median is the noise.
   scratch_.clear();
-  for (int i = 0; i < image_->lines; ++i) {
-    for (int j = 1; j + 1 < image_->columns; ++j) {
-      const std::size_t k = image_->index(i, j);
+  const auto columns = static_cast<std::size_t>(image_->columns);
+  const std::size_t stride = 1 + (image_->size() / kNoiseSamplesMax);
+  const auto twice_cosine = static_cast<float>(2.0 * std::cos(image_->step_rad));
+  for (std::size_t i = 0; i < image_->line.size(); ++i) {
+    // Another first column for each line, lest the stride sees the same columns only.
+    for (std::size_t j = 1 + (i % stride); j + 1 < columns; j += stride) {
+      const std::size_t k = (i * columns) + j;
       if (valid_[k - 1] == 0 || valid_[k] == 0 || valid_[k + 1] == 0) { continue; }
-      const double left = static_cast<double>(image_->range_m[k - 1]);
-      const double right = static_cast<double>(image_->range_m[k + 1]);
-      if (std::abs(left - right) > 0.1 * left) { continue; }
-      scratch_.push_back(
-          std::abs(static_cast<double>(image_->range_m[k]) - planar_range(left, right, image_->step_rad)));
+      const float left = image_->range_m[k - 1];
+      const float right = image_->range_m[k + 1];
+      if (std::abs(left - right) > 0.1F * left) { continue; }
+      scratch_.push_back(std::abs(image_->range_m[k] - planar_range(left, right, twice_cosine)));
     }
   }
   range_sigma_ = calibration_.range_sigma_m;
@@ -125,101 +112,99 @@ void SegmentFrame::measure_noise() {
   const auto middle = scratch_.begin() + static_cast<std::ptrdiff_t>(scratch_.size() / 2);
   std::nth_element(scratch_.begin(), middle, scratch_.end());
   constexpr double kMedianOfAbs = 0.6745;
-  const double measured = *middle / kMedianOfAbs / std::sqrt(1.5);
+  const double measured = static_cast<double>(*middle) / kMedianOfAbs / std::sqrt(1.5);
   // Ten per cent of slack keeps the figure of the calibration when the scene merely is a little rough.
   if (measured > 1.1 * range_sigma_) { range_sigma_ = std::min(measured, kNoiseFactorMax * range_sigma_); }
 }
 
 void SegmentFrame::mark_veils() {
   usable_ = valid_;
-  const double max_slope = 1.0 / std::tan(kVeilAngle_rad);
-  for (int i = 0; i < image_->lines; ++i) {
-    for (int j = 1; j + 1 < image_->columns; ++j) {
-      const std::size_t k = image_->index(i, j);
-      if (valid_[k - 1] == 0 || valid_[k] == 0 || valid_[k + 1] == 0) { continue; }
-      const double left = static_cast<double>(image_->range_m[k - 1]);
-      const double here = static_cast<double>(image_->range_m[k]);
-      const double right = static_cast<double>(image_->range_m[k + 1]);
-      const double steep = std::max(here * image_->step_rad * max_slope, 4.0 * range_sigma_);
-      const bool between = (here - left) * (right - here) > 0.0;
-      const bool torn = std::abs(here - left) > steep && std::abs(right - here) > steep;
-      const bool planar = std::abs(here - planar_range(left, right, image_->step_rad)) < 5.0 * range_sigma_;
-      if (between && torn && !planar) { usable_[k] = 0; }
+  const auto slope = static_cast<float>(image_->step_rad / std::tan(kVeilAngle_rad));
+  const auto sigma = static_cast<float>(range_sigma_);
+  const auto twice_cosine = static_cast<float>(2.0 * std::cos(image_->step_rad));
+  const auto columns = static_cast<std::size_t>(image_->columns);
+  for (std::size_t i = 0; i < image_->line.size(); ++i) {
+    for (std::size_t k = (i * columns) + 1; k + 1 < (i + 1) * columns; ++k) {
+      const float here = image_->range_m[k];
+      const float before = here - image_->range_m[k - 1];
+      const float after = image_->range_m[k + 1] - here;
+      const float steep = std::max(here * slope, 4.0F * sigma);
+      const bool torn = before * after > 0.0F && std::abs(before) > steep && std::abs(after) > steep;
+      if (!torn || valid_[k - 1] == 0 || valid_[k] == 0 || valid_[k + 1] == 0) { continue; }
+      const float planar = planar_range(image_->range_m[k - 1], image_->range_m[k + 1], twice_cosine);
+      if (!(std::abs(here - planar) < 5.0F * sigma)) {
+        usable_[k] = 0;
+        x_[k] = y_[k] = z_[k] = 0.0F;
+      }
     }
   }
 }
 
-void SegmentFrame::find_solid_angles() {
-  solid_angle_.assign(image_->size(), 0.0F);
-  const int last_column = image_->columns - 1;
-  const auto ray = [this](int i, int j, const Eigen::Vector3f& otherwise) -> Eigen::Vector3f {
-    const RasterStep step = topology_.at(i, j);
-    return step.is_inside ? image_->direction_V[topology_.index(step.i, step.j)] : otherwise;
-  };
-  for (int i = 0; i < image_->lines; ++i) {
-    for (int j = 0; j <= last_column; ++j) {
-      const std::size_t k = image_->index(i, j);
-      if (valid_[k] == 0) { continue; }
-      const Eigen::Vector3f& d = image_->direction_V[k];
-      const float columns = j > 0 && j < last_column ? 0.5F : 1.0F;
-      const bool has_both_lines = topology_.at(i - 1, j).is_inside && topology_.at(i + 1, j).is_inside;
-      const Eigen::Vector3f along = columns * (ray(i, std::min(j + 1, last_column), d) - ray(i, std::max(j - 1, 0), d));
-      const Eigen::Vector3f across = (has_both_lines ? 0.5F : 1.0F) * (ray(i + 1, j, d) - ray(i - 1, j, d));
-      const float area = along.cross(across).norm();
-      constexpr float kLargest_sr = 0.1F;
-      if (std::isfinite(area)) { solid_angle_[k] = std::min(area, kLargest_sr); }
-    }
-  }
-}
-
-void SegmentFrame::find_local(std::size_t k) const {
-  Local& local = local_[k];
-  local.is_known = true;
-  if (usable_[k] == 0) { return; }
-  const int lines = image_->lines;
-  const int columns = image_->columns;
-  const int i = line_of(k);
+Vec3 SegmentFrame::tangent(std::size_t k) const {
   const int j = column_of(k);
-  const bool is_glued = topology_.is_glued();
-  const int reach = is_glued ? moments_.pad() : std::clamp(lines / 8, 1, kWindowLinesMax);
-  // Support radius: wide enough that the noise leaves a direction of a few degrees.
-  const double r = static_cast<double>(image_->range_m[k]);
-  const double support = std::max(0.05, 0.02 * r) + (2.0 * range_sigma_);
-  const double along = r * image_->step_rad;
-  const double across = static_cast<double>(solid_angle_[k]) * r / image_->step_rad;
-  const int hj = std::clamp(static_cast<int>(std::ceil(support / along)), 1, kWindowColumnsMax);
-  const int hi = across * reach > support ? std::max(1, static_cast<int>(std::ceil(support / across))) : reach;
-  const int low = is_glued ? i - hi : std::max(0, i - hi);
-  const int high = is_glued ? i + hi + 1 : std::min(lines, i + hi + 1);
-  const Moments m = moments_.sum(low, high, std::max(0, j - hj), std::min(columns, j + hj + 1));
-  if (m.count < 6.0) { return; }
-  const QuickPlane plane = fit_quick(m);
-  const double total = plane.lambda.sum();
-  local.curvature = total > 0.0 ? static_cast<float>(plane.lambda[0] / total) : 0.0F;
-  const double expected = variance(k, plane.normal).total();
-  constexpr double kPlanar = 2.25;
-  constexpr double kSettled = 0.15;  // rad, standard deviation of the direction
-  const bool planar = plane.lambda[0] < kPlanar * expected * (m.count - 3.0);
-  const bool settled = expected < kSettled * kSettled * plane.lambda[1];
-  if (planar && settled) { local.normal = plane.normal.cast<float>(); }
+  const std::size_t before = j > 0 ? k - 1 : k;
+  const std::size_t after = j + 1 < image_->columns ? k + 1 : k;
+  if (before == after) { return Vec3::Zero(); }
+  const Eigen::Vector3f along = image_->direction_V[after] - image_->direction_V[before];
+  const double scale = 1.0 / (static_cast<double>(after - before) * image_->step_rad);
+  const Vec3 t = scale * along.cast<double>();
+  return t.squaredNorm() < 4.0 ? t : Vec3(Vec3::Zero());  // not when a neighbour's ray is not a ray
 }
 
-SegmentFrame::Variance SegmentFrame::variance(std::size_t k, const Vec3& normal) const {
-  const double r = static_cast<double>(image_->range_m[k]);
-  const double nd = normal.dot(direction(k));
-  const double nt = r * calibration_.deflection_sigma_rad * normal.dot(tangent(k));
-  const double nu = calibration_.turret_sigma_rad * normal.dot(sweep(k));
-  Variance v;
-  v.own = (range_sigma_ * range_sigma_ * nd * nd) + (nt * nt);
-  v.common = nu * nu;
-  if (is_moving_) {
-    // d(n . x)/d[phi, tau] = [x cross n, n], x in V
-    const MotionBlocks& m = motion_blocks_[static_cast<std::size_t>(line_of(k))];
-    const Vec3 arm = image_->point_V[k].cast<double>().cross(normal);
-    const double motion = arm.dot(m.rotation * arm + 2.0 * (m.mixed * normal)) + normal.dot(m.translation * normal);
-    v.common += std::min(motion, kMotionSigmaMax_m * kMotionSigmaMax_m);
+Vec3 SegmentFrame::sweep(std::size_t k) const {
+  const LineInfo& line = image_->line[static_cast<std::size_t>(line_of(k))];
+  return line.spin_axis_V.cross(image_->point_V[k].cast<double>() - line.origin_V);
+}
+
+double SegmentFrame::solid_angle(std::size_t k) const {
+  const int i = line_of(k);
+  const auto width = static_cast<std::size_t>(image_->columns);
+  std::size_t above = k;
+  std::size_t below = k;
+  if (i > 0 && i + 1 < image_->lines) {
+    above = k - width;
+    below = k + width;
+  } else {
+    const int j = column_of(k);
+    const RasterStep up = topology_.at(i - 1, j);
+    const RasterStep down = topology_.at(i + 1, j);
+    if (up.is_inside) { above = topology_.index(up.i, up.j); }
+    if (down.is_inside) { below = topology_.index(down.i, down.j); }
   }
-  return v;
+  const double lines = above != k && below != k ? 0.5 : 1.0;
+  const Vec3 across = lines * (image_->direction_V[below] - image_->direction_V[above]).cast<double>();
+  const double area = image_->step_rad * tangent(k).cross(across).norm();
+  return std::isfinite(area) ? std::min(area, kLargestCell_sr) : 0.0;
+}
+
+double SegmentFrame::element_area(std::size_t k, const Vec3& normal) const {
+  const auto r = static_cast<double>(image_->range_m[k]);
+  const double incidence = std::max(std::abs(normal.dot(direction(k))), kMinIncidence);
+  return r * r * solid_angle(k) / incidence;
+}
+
+SegmentFrame::Noise SegmentFrame::noise(std::size_t k) const {
+  Noise noise;
+  noise.line = line_of(k);
+  noise.point_V = image_->point_V[k].cast<double>();
+  noise.range = range_sigma_ * direction(k);
+  noise.deflection = (static_cast<double>(image_->range_m[k]) * calibration_.deflection_sigma_rad) * tangent(k);
+  const LineInfo& line = image_->line[static_cast<std::size_t>(noise.line)];
+  noise.turret = calibration_.turret_sigma_rad * line.spin_axis_V.cross(noise.point_V - line.origin_V);
+  return noise;
+}
+
+double SegmentFrame::motion_variance(const Noise& noise, const Vec3& normal) const {
+  // d(n . x)/d[phi, tau] = [x cross n, n], x in V
+  Vec6 gradient;
+  gradient << noise.point_V.cross(normal), normal;
+  const double motion = gradient.dot(motion_[static_cast<std::size_t>(noise.line)] * gradient);
+  return std::min(motion, kMotionSigmaMax_m * kMotionSigmaMax_m);
+}
+
+double SegmentFrame::variance_bound(double range_m) const {
+  const double across = range_m * std::hypot(calibration_.deflection_sigma_rad, calibration_.turret_sigma_rad);
+  return (range_sigma_ * range_sigma_) + (across * across) + (is_moving_ ? kMotionSigmaMax_m * kMotionSigmaMax_m : 0.0);
 }
 
 }  // namespace rosid::mapping

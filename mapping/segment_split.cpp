@@ -7,38 +7,36 @@
 namespace rosid::mapping {
 namespace {
 
-constexpr int kMinSide = 3;             ///< a node with both sides at most this is not cut further
-constexpr double kMinPoints = 7.0;      ///< of a facet
-constexpr double kMinDensity = 0.6;     ///< valid share of a facet's pixels
-constexpr double kMaxDeviation = 4.0;   ///< of a single point, standard deviations
-constexpr double kMinIncidence = 0.06;  ///< sine of the angle between ray and surface
+constexpr double kMinPoints = 7.0;   ///< of a facet
+constexpr double kMinDensity = 0.6;  ///< valid share of a facet's pixels
+constexpr double kGate = 3.5;        ///< of a block's mean distance from the facet's plane
 
+/// Rows [r0, r1) and columns [c0, c1) of the grid of blocks.
 struct Node {
-  int i0;
-  int i1;
-  int j0;
-  int j1;
-  int height() const { return i1 - i0; }
-  int width() const { return j1 - j0; }
-  bool is_minimal() const { return height() <= kMinSide && width() <= kMinSide; }
+  int r0;
+  int r1;
+  int c0;
+  int c1;
+  int height() const { return r1 - r0; }
+  int width() const { return c1 - c0; }
+  bool is_block() const { return height() <= 1 && width() <= 1; }
 };
 
-/// What one look at all points of a node tells.
-struct Look {
-  bool is_planar = false;
-  int i_worst = 0;
-  int j_worst = 0;
-  double own_variance = 0.0;
-  double common_variance = 0.0;
-};
+/// Cheap refusal: no point of the node can be as noisy as its scatter would demand.
+bool is_hopeless(const SegmentFrame& frame, const QuickPlane& plane) {
+  const double farthest = plane.centroid.norm() + (2.0 * std::sqrt(plane.lambda[2] / plane.count));
+  const double bound = frame.variance_bound(farthest) + frame.flatness_variance();
+  constexpr double kSlack = 3.2;  // 1 + 3 sqrt(2 / dof) of the smallest facet
+  return plane.lambda[0] > kSlack * plane.count * bound;
+}
 
 class Splitter {
  public:
-  Splitter(const SegmentFrame& frame, std::vector<Facet>& facets, Labels& labels)
-      : frame_(frame), facets_(facets), labels_(labels) {}
+  Splitter(const SegmentFrame& frame, const BlockGrid& grid, Facets& facets, Labels& labels)
+      : frame_(frame), grid_(grid), facets_(facets), labels_(labels) {}
 
   void run() {
-    stack_.push_back({0, frame_.image().lines, 0, frame_.image().columns});
+    stack_.push_back({0, grid_.rows(), 0, grid_.columns()});
     while (!stack_.empty()) {
       const Node node = stack_.back();
       stack_.pop_back();
@@ -48,152 +46,186 @@ class Splitter {
 
  private:
   void visit(const Node& node);
-  Look look(const Node& node, const QuickPlane& plane) const;
-  bool is_straight(const Node& node, const QuickPlane& plane, const Look& seen) const;
-  void cut(const Node& node, int i_cut, int j_cut);
-  void keep(const Node& node, const Moments& moments, const QuickPlane& plane, const Look& seen);
-  bool cuts_lines(const Node& node) const;
-  bool cuts_columns(const Node& node) const;
+  int pixels(const Node& node) const;
+  bool is_facet(const Node& node, Region& region) const;
+  bool is_straight(const Node& node, const Region& region) const;
+  std::pair<int, int> split_point(const Node& node, const Moments& moments, const QuickPlane& plane) const;
+  void cut(const Node& node, int row, int column);
+  void keep(const Node& node, const Region& region);
   double shape(const Node& node) const;
 
   const SegmentFrame& frame_;
-  std::vector<Facet>& facets_;
+  const BlockGrid& grid_;
+  Facets& facets_;
   Labels& labels_;
   std::vector<Node> stack_;
 };
 
+int Splitter::pixels(const Node& node) const {
+  const PixelBox first = grid_.box(node.r0, node.c0);
+  const PixelBox last = grid_.box(node.r1 - 1, node.c1 - 1);
+  return (last.i1 - first.i0) * (last.j1 - first.j0);
+}
+
 void Splitter::visit(const Node& node) {
-  const Moments m = frame_.moments().sum(node.i0, node.i1, node.j0, node.j1);
-  const double pixels = static_cast<double>(node.height()) * node.width();
-  const int i_middle = (node.i0 + node.i1) / 2;
-  const int j_middle = (node.j0 + node.j1) / 2;
-  if (m.count < 3.0) { return; }
-  if (m.count < kMinPoints) {
-    if (!node.is_minimal()) { cut(node, i_middle, j_middle); }
+  Region region;
+  region.moments =
+      node.is_block() ? grid_.moments(grid_.index(node.r0, node.c0)) : grid_.sum(node.r0, node.r1, node.c0, node.c1);
+  if (region.moments.count < 3.0) { return; }
+  if (region.moments.count < kMinPoints) {
+    if (!node.is_block()) { cut(node, (node.r0 + node.r1) / 2, (node.c0 + node.c1) / 2); }
     return;
   }
-  const QuickPlane plane = fit_quick(m);
-  const Look seen = look(node, plane);
-  if (m.count >= kMinDensity * pixels && seen.is_planar && is_straight(node, plane, seen)) {
-    keep(node, m, plane, seen);
-  } else if (!node.is_minimal()) {
-    cut(node, seen.i_worst, seen.j_worst);
+  region.plane = fit_quick(region.moments);
+  if (is_facet(node, region)) {
+    keep(node, region);
+  } else if (!node.is_block()) {
+    const auto [row, column] = split_point(node, region.moments, region.plane);
+    cut(node, row, column);
   }
 }
 
-Look Splitter::look(const Node& node, const QuickPlane& plane) const {
-  Look seen;
-  double sum_ratio = 0.0;
+bool Splitter::is_facet(const Node& node, Region& region) const {
+  if (region.moments.count < kMinDensity * pixels(node) || is_hopeless(frame_, region.plane)) { return false; }
+  // Noise changes slowly over a plane: corners, middles of the sides and the middle tell it.
+  std::array<const SegmentFrame::Noise*, 9> samples{};
+  std::size_t count = 0;
+  const std::array<int, 3> rows{node.r0, (node.r0 + node.r1) / 2, node.r1 - 1};
+  const std::array<int, 3> columns{node.c0, (node.c0 + node.c1) / 2, node.c1 - 1};
+  for (std::size_t r = 0; r < (node.height() > 1 ? 3U : 1U); ++r) {
+    for (std::size_t c = 0; c < (node.width() > 1 ? 3U : 1U); ++c) {
+      const int block = grid_.index(rows[r], columns[c]);
+      if (grid_.moments(block).count > 0.0) { samples[count++] = &grid_.noise(block); }
+    }
+  }
+  if (count == 0) { return false; }
+  return is_planar(frame_, std::span(samples.data(), count), region) && is_straight(node, region);
+}
+
+bool Splitter::is_straight(const Node& node, const Region& region) const {
+  // A shallow crease hides in the total but not in the blocks' means.
+  if (node.is_block()) { return true; }
+  const double common = (region.common_variance / grid_.height()) + frame_.flatness_variance();
+  for (int row = node.r0; row < node.r1; ++row) {
+    for (int column = node.c0; column < node.c1; ++column) {
+      const int block = grid_.index(row, column);
+      const double count = grid_.moments(block).count;
+      if (count < 4.0) { continue; }
+      const double offset = region.plane.distance(grid_.mean(block));
+      if (offset * offset > kGate * kGate * ((region.own_variance / count) + common)) { return false; }
+    }
+  }
+  return true;
+}
+
+std::pair<int, int> Splitter::split_point(const Node& node, const Moments& moments, const QuickPlane& plane) const {
+  // The reference surface is the plane through the blocks along the node's border.
+  QuickPlane reference = plane;
+  if (node.height() > 2 && node.width() > 2) {
+    Moments border = moments;
+    border -= grid_.sum(node.r0 + 1, node.r1 - 1, node.c0 + 1, node.c1 - 1);
+    if (border.count >= kMinPoints) { reference = fit_quick(border); }
+  }
   double worst = -1.0;
-  double least_incidence = 1.0;
-  int deviating = 0;
-  for (int i = node.i0; i < node.i1; ++i) {
-    for (int j = node.j0; j < node.j1; ++j) {
-      const std::size_t k = frame_.image().index(i, j);
-      if (!frame_.is_usable(k)) { continue; }
-      const double e = plane.distance(frame_.point(k));
-      const SegmentFrame::Variance v = frame_.variance(k, plane.normal);
-      const double ratio = e * e / (v.total() + frame_.flatness_variance());
-      least_incidence = std::min(least_incidence, -plane.normal.dot(frame_.direction(k)));
-      seen.own_variance += v.own;
-      seen.common_variance += v.common;
-      sum_ratio += ratio;
-      deviating += ratio > kMaxDeviation * kMaxDeviation ? 1 : 0;
-      if (ratio > worst) {
-        worst = ratio;
-        seen.i_worst = i;
-        seen.j_worst = j;
+  std::pair<int, int> at{(node.r0 + node.r1) / 2, (node.c0 + node.c1) / 2};
+  for (int row = node.r0; row < node.r1; ++row) {
+    for (int column = node.c0; column < node.c1; ++column) {
+      const int block = grid_.index(row, column);
+      if (!(grid_.moments(block).count > 0.0)) { continue; }
+      const double offset = std::abs(reference.distance(grid_.mean(block)));
+      if (offset > worst) {
+        worst = offset;
+        at = {row, column};
       }
     }
   }
-  const double dof = plane.count - 3.0;
-  seen.own_variance /= plane.count;
-  seen.common_variance /= plane.count;
-  const bool few_deviate = deviating <= static_cast<int>(0.004 * plane.count);
-  seen.is_planar =
-      few_deviate && sum_ratio <= dof * (1.0 + (3.0 * std::sqrt(2.0 / dof))) && least_incidence > kMinIncidence;
-  return seen;
-}
-
-bool Splitter::is_straight(const Node& node, const QuickPlane& plane, const Look& seen) const {
-  // A shallow crease hides in the total but not in the quarters' means.
-  const int i_middle = (node.i0 + node.i1) / 2;
-  const int j_middle = (node.j0 + node.j1) / 2;
-  const std::array<Node, 4> quarters{{{node.i0, i_middle, node.j0, j_middle},
-                                      {node.i0, i_middle, j_middle, node.j1},
-                                      {i_middle, node.i1, node.j0, j_middle},
-                                      {i_middle, node.i1, j_middle, node.j1}}};
-  for (const Node& q : quarters) {
-    if (q.height() < 1 || q.width() < 1) { continue; }
-    const Moments m = frame_.moments().sum(q.i0, q.i1, q.j0, q.j1);
-    if (m.count < 4.0) { continue; }
-    const double offset = plane.distance(m.mean());
-    const double variance =
-        (seen.own_variance / m.count) + (seen.common_variance / q.height()) + frame_.flatness_variance();
-    constexpr double kGate = 3.5;
-    if (offset * offset > kGate * kGate * variance) { return false; }
-  }
-  return true;
+  return at;
 }
 
 double Splitter::shape(const Node& node) const {
   // Height over width in space, from the angles the node spans.
   const RangeImage& image = frame_.image();
+  const PixelBox first = grid_.box(node.r0, node.c0);
+  const PixelBox last = grid_.box(node.r1 - 1, node.c1 - 1);
   const auto ray = [&](int i, int j) -> const Eigen::Vector3f& { return image.direction_V[image.index(i, j)]; };
-  const float height = std::max((ray(node.i0, node.j0) - ray(node.i1 - 1, node.j0)).norm(),
-                                (ray(node.i0, node.j1 - 1) - ray(node.i1 - 1, node.j1 - 1)).norm());
-  const float width = (ray(node.i0, node.j0) - ray(node.i0, node.j1 - 1)).norm();
+  const float height = std::max((ray(first.i0, first.j0) - ray(last.i1 - 1, first.j0)).norm(),
+                                (ray(first.i0, last.j1 - 1) - ray(last.i1 - 1, last.j1 - 1)).norm());
+  const float width = (ray(first.i0, first.j0) - ray(first.i0, last.j1 - 1)).norm();
   const double ratio = static_cast<double>(height) / std::max(static_cast<double>(width), 1e-9);
   return std::isfinite(ratio) ? ratio : 1.0;
 }
 
-bool Splitter::cuts_lines(const Node& node) const {
-  return node.height() > kMinSide && (node.width() <= kMinSide || shape(node) > 0.5);
-}
-
-bool Splitter::cuts_columns(const Node& node) const {
-  return node.width() > kMinSide && (node.height() <= kMinSide || shape(node) < 2.0);
-}
-
-void Splitter::cut(const Node& node, int i_cut, int j_cut) {
+void Splitter::cut(const Node& node, int row, int column) {
   // Kept away from the ends, so that the depth stays logarithmic.
-  const int i_margin = std::max(1, node.height() / 4);
-  const int j_margin = std::max(1, node.width() / 4);
-  const int i = std::clamp(i_cut, node.i0 + i_margin, std::max(node.i0 + i_margin, node.i1 - i_margin));
-  const int j = std::clamp(j_cut, node.j0 + j_margin, std::max(node.j0 + j_margin, node.j1 - j_margin));
-  const bool lines = cuts_lines(node);
-  const bool columns = cuts_columns(node);
-  if (lines && columns) {
-    stack_.push_back({i, node.i1, j, node.j1});
-    stack_.push_back({i, node.i1, node.j0, j});
-    stack_.push_back({node.i0, i, j, node.j1});
-    stack_.push_back({node.i0, i, node.j0, j});
-  } else if (lines) {
-    stack_.push_back({i, node.i1, node.j0, node.j1});
-    stack_.push_back({node.i0, i, node.j0, node.j1});
-  } else if (columns) {
-    stack_.push_back({node.i0, node.i1, j, node.j1});
-    stack_.push_back({node.i0, node.i1, node.j0, j});
+  const auto inner = [](int wanted, int low, int high) {
+    const int margin = std::max(1, (high - low) / 4);
+    return std::clamp(wanted, low + margin, std::max(low + margin, high - margin));
+  };
+  const int r = inner(row, node.r0, node.r1);
+  const int c = inner(column, node.c0, node.c1);
+  const double aspect = node.height() > 1 && node.width() > 1 ? shape(node) : 1.0;
+  const bool rows = node.height() > 1 && (node.width() <= 1 || aspect > 0.5);
+  const bool columns = node.width() > 1 && (node.height() <= 1 || aspect < 2.0);
+  if (rows && columns) {
+    stack_.push_back({r, node.r1, c, node.c1});
+    stack_.push_back({r, node.r1, node.c0, c});
+    stack_.push_back({node.r0, r, c, node.c1});
+    stack_.push_back({node.r0, r, node.c0, c});
+  } else if (rows) {
+    stack_.push_back({r, node.r1, node.c0, node.c1});
+    stack_.push_back({node.r0, r, node.c0, node.c1});
+  } else {
+    stack_.push_back({node.r0, node.r1, c, node.c1});
+    stack_.push_back({node.r0, node.r1, node.c0, c});
   }
 }
 
-void Splitter::keep(const Node& node, const Moments& moments, const QuickPlane& plane, const Look& seen) {
-  const auto id = static_cast<std::int32_t>(facets_.size());
-  facets_.push_back({moments, plane, seen.own_variance, seen.common_variance / std::max(1, node.height())});
-  for (int i = node.i0; i < node.i1; ++i) {
-    for (int j = node.j0; j < node.j1; ++j) {
-      const std::size_t k = frame_.image().index(i, j);
-      if (frame_.is_usable(k)) { labels_[k] = id; }
+void Splitter::keep(const Node& node, const Region& region) {
+  const auto id = static_cast<std::int32_t>(facets_.facets.size());
+  facets_.facets.push_back(region);
+  // From here on the common variance is that of the mean over the facet's lines.
+  facets_.facets.back().common_variance /= grid_.box(node.r1 - 1, node.c0).i1 - grid_.box(node.r0, node.c0).i0;
+  for (int row = node.r0; row < node.r1; ++row) {
+    for (int column = node.c0; column < node.c1; ++column) {
+      facets_.of_block[static_cast<std::size_t>(grid_.index(row, column))] = id;
+      const PixelBox box = grid_.box(row, column);
+      for (int i = box.i0; i < box.i1; ++i) {
+        const std::size_t begin = frame_.image().index(i, box.j0);
+        for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
+          labels_[k] = frame_.is_usable(k) ? id : kNoLabel;
+        }
+      }
     }
   }
 }
 
 }  // namespace
 
-void split(const SegmentFrame& frame, std::vector<Facet>& facets, Labels& labels) {
-  facets.clear();
+double Region::direction_sigma() const {
+  return std::sqrt(variance() / std::max(plane.lambda[1], 1e-12));
+}
+
+bool is_planar(const SegmentFrame& frame, std::span<const SegmentFrame::Noise* const> samples, Region& region) {
+  constexpr double kMinIncidence = 0.06;  // sine of the angle between ray and surface
+  const QuickPlane& plane = region.plane;
+  for (const SegmentFrame::Noise* noise : samples) {
+    if (-plane.normal.dot(noise->range) < kMinIncidence * frame.range_sigma()) { return false; }
+    const SegmentFrame::Variance v = frame.variance(*noise, plane.normal);
+    region.own_variance += v.own;
+    region.common_variance += v.common;
+  }
+  region.own_variance /= static_cast<double>(samples.size());
+  region.common_variance /= static_cast<double>(samples.size());
+  const double dof = plane.count - 3.0;
+  const double expected = region.variance() + frame.flatness_variance();
+  return plane.lambda[0] <= dof * expected * (1.0 + (3.0 * std::sqrt(2.0 / dof)));
+}
+
+void split(const SegmentFrame& frame, const BlockGrid& grid, Facets& facets, Labels& labels) {
+  facets.facets.clear();
+  facets.of_block.assign(static_cast<std::size_t>(grid.size()), kNoLabel);
   labels.assign(frame.image().size(), kNoLabel);
-  Splitter(frame, facets, labels).run();
+  Splitter(frame, grid, facets, labels).run();
 }
 
 }  // namespace rosid::mapping

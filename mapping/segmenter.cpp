@@ -3,23 +3,43 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "mapping/attributes.hpp"
 #include "mapping/boundary.hpp"
 #include "mapping/plane_fit.hpp"
+#include "mapping/segment_assign.hpp"
+#include "mapping/segment_cylinder.hpp"
 #include "mapping/segment_regions.hpp"
+#include "mapping/segment_runs.hpp"
 
 namespace rosid::mapping {
 namespace {
 
 /// A patch whose direction noise exceeds this says nothing about a plane.
 constexpr double kMaxDirectionSigma_rad = 0.05;
-/// Residuals beyond this many times noise and flatness: not a plane.
-constexpr double kMaxRoughness = 1.35;
+/// Residuals beyond this many times noise and flatness: not a plane. What is left of the motion's errors twists
+/// surfaces, and such a plane would be wrong rather than rough: a moving vehicle gets less slack.
+constexpr double kMaxRoughness = 1.45;
+constexpr double kMaxRoughnessMoving = 1.35;
+/// ... but a surface that fills a good part of the image is not given up for it.
+constexpr double kMaxRoughnessLarge = 1.8;
+constexpr int kLarge = 3000;
 /// A bow beyond this many times the flatness, when it makes up a good part of the residuals: not a plane either.
 constexpr double kMaxBow = 1.0;
 constexpr double kMaxBowShare = 0.3;
+/// A bow of this radius or more is the sensor's systematic error, not a vessel's wall, while the vehicle stands.
+constexpr double kFlatRadius_m = 4.0;
 constexpr int kRefinements = 2;
+/// What a plane cuts out of other surfaces is thin; parts of a surface on both sides of a gap are not.
+constexpr int kMinPart = 3;
+
+/// Sizes of a part to those of the whole patch.
+void add_outline(const PatchOutline& part, PatchOutline& whole) {
+  whole.area_m2 += part.area_m2;
+  whole.length_m += part.length_m;
+  whole.open_length_m += part.open_length_m;
+}
 
 }  // namespace
 
@@ -28,17 +48,28 @@ struct Segmenter::Impl {
 
   void find_regions();
   void fit_components();
+  bool is_surface(const PlaneFit& fit) const;
+  bool is_bent_surface(PlaneFit& fit) const;
+  QuickPlane start_plane(std::size_t component) const;
+  std::optional<CylinderFit> refit_cylinder(std::size_t component, const Cylinder& start) const;
   bool find_patches(const RangeImage& image, SurfaceView& view);
   void label_patches(SurfaceView& view);
   void outline_patches(SurfaceView& view);
 
   SegmenterConfig config;
   SegmentFrame frame;
-  std::vector<Facet> facets;
+  BlockGrid grid;
+  Facets facets;
   std::vector<Region> regions;
   Labels labels;
-  std::vector<std::vector<std::size_t>> components;
-  std::vector<PlaneFit> fits;
+  PixelAssigner assigner{frame, grid, facets};
+  RunList components;
+  RunList outlines;
+  PlaneFitter fitter{frame};
+  std::vector<std::size_t> kept;                ///< component of each patch
+  std::vector<PlaneFit> fits;                   ///< of each patch
+  std::vector<std::optional<Cylinder>> rounds;  ///< of each patch, in V
+  std::vector<CylinderRegion> cylinders;
 };
 
 Segmenter::Segmenter(const SegmenterConfig& config, const Calibration& calibration)
@@ -48,75 +79,145 @@ Segmenter::Segmenter(Segmenter&&) noexcept = default;
 Segmenter& Segmenter::operator=(Segmenter&&) noexcept = default;
 
 void Segmenter::Impl::find_regions() {
-  split(frame, facets, labels);
-  merge_facets(frame, config, facets, regions, labels);
+  grid.build(frame);
+  split(frame, grid, facets, labels);
+  merge_facets(frame, config, facets.facets, regions, labels);
+  assigner.begin();
   for (int pass = 0; pass < kRefinements; ++pass) {
-    merge_regions(frame, config, regions, labels);
-    dissolve_slivers(frame, regions, labels);
-    grow(frame, regions, labels);
-    refine_borders(frame, regions, labels);
-    refit(frame, regions, labels);
+    assigner.assign(regions, labels);
+    if (pass == 0) { split_leftovers(frame, grid, regions, labels); }
+    refit(frame, grid, regions, labels);
+    const Edges edges = merge_regions(frame, config, regions, labels);
+    dissolve_slivers(frame, edges, regions, labels);
   }
-  merge_regions(frame, config, regions, labels);
+  dissolve_doubtful(config, regions, labels);
+  assigner.assign(regions, labels);
+  find_cylinders(frame, regions, labels, cylinders);
+}
+
+bool Segmenter::Impl::is_surface(const PlaneFit& fit) const {
+  const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
+  const bool is_bowed = !frame.is_bent() && fit.bow_m * fit.bow_m > kMaxBow * kMaxBow * frame.flatness_variance() &&
+                        fit.bow_m * fit.bow_m > kMaxBowShare * fit.rms_m * fit.rms_m &&
+                        (frame.is_moving() || fit.curvature_per_m * kFlatRadius_m > 1.0);
+  const double max_roughness = frame.is_moving() ? kMaxRoughnessMoving : kMaxRoughness;
+  return direction_sigma < kMaxDirectionSigma_rad && fit.roughness < max_roughness && !is_bowed &&
+         fit.area_m2 >= config.min_patch_area_m2;
 }
 
 void Segmenter::Impl::fit_components() {
-  find_components(frame, config, labels, components);
+  components.from_components(
+      frame, labels, {config.min_patch_pixels, config.min_patch_lines, kMaxGap, kMinPart * config.min_patch_pixels});
   constexpr std::size_t kMaxPatches = std::numeric_limits<std::uint16_t>::max();
-  if (components.size() > kMaxPatches) { components.resize(kMaxPatches); }
+  const std::size_t count = std::min(components.size(), kMaxPatches);
+  kept.clear();
   fits.clear();
-  std::vector<std::vector<std::size_t>> kept;
-  for (auto& pixels : components) {
-    Moments moments;
-    for (const std::size_t k : pixels) { moments.add(frame.point(k)); }
-    PlaneFit fit;
-    if (!fit_plane(frame, pixels, fit_quick(moments), fit)) { continue; }
-    const double direction_sigma = std::sqrt(std::max(fit.noise(0, 0), fit.noise(1, 1)));
-    const bool is_bowed = !frame.is_bent() && fit.bow_m * fit.bow_m > kMaxBow * kMaxBow * frame.flatness_variance() &&
-                          fit.bow_m * fit.bow_m > kMaxBowShare * fit.rms_m * fit.rms_m;
-    const bool is_plane = direction_sigma < kMaxDirectionSigma_rad && fit.roughness < kMaxRoughness && !is_bowed;
-    if (!is_plane || element_area(frame, pixels, fit.plane.normal) < config.min_patch_area_m2) { continue; }
+  rounds.clear();
+  PlaneFit fit;
+  for (std::size_t c = 0; c < count; ++c) {
+    const auto region = static_cast<std::size_t>(components.region_of(c));
+    const bool is_round = region >= regions.size();
+    if (!fitter.fit(components[c], start_plane(c), fit)) { continue; }
+    std::optional<CylinderFit> round;
+    if (is_round) { round = refit_cylinder(c, cylinders[region - regions.size()].cylinder); }
+    if (is_round ? !round || fit.area_m2 < config.min_patch_area_m2 : !is_surface(fit) && !is_bent_surface(fit)) {
+      continue;
+    }
+    if (round) { fit.rms_m = round->rms_m; }
     fits.push_back(fit);
-    kept.push_back(std::move(pixels));
+    kept.push_back(c);
+    rounds.push_back(round ? std::optional(round->cylinder) : std::nullopt);
   }
-  components = std::move(kept);
+}
+
+std::optional<CylinderFit> Segmenter::Impl::refit_cylinder(std::size_t component, const Cylinder& start) const {
+  std::vector<std::size_t> pixels;
+  for (const Run& run : components[component]) {
+    for (int j = run.j0; j < run.j1; ++j) { pixels.push_back(frame.image().index(run.line, j)); }
+  }
+  CylinderFit fit;
+  if (!fit_cylinder(frame, pixels, start.axis, fit)) { return std::nullopt; }
+  propagate_errors(frame, pixels, fit);
+  fit.cylinder.point += frame.image().sensor_V;
+  return fit.cylinder.covariance.allFinite() ? std::optional(fit) : std::nullopt;
+}
+
+bool Segmenter::Impl::is_bent_surface(PlaneFit& fit) const {
+  if (fit.pixels <= kLarge || fit.roughness > kMaxRoughnessLarge || fit.curvature_per_m * kFlatRadius_m > 1.0) {
+    return false;
+  }
+  // Where it is, is known no better than it is flat.
+  const double bend2 = fit.rms_m * fit.rms_m;
+  const Vec2 size2 = (fit.lambda.tail<2>() / fit.weight).cwiseMax(1e-6);
+  const Vec3 bend(bend2 / size2[0], bend2 / size2[1], bend2);
+  fit.noise.diagonal() += bend;
+  fit.plane.covariance_independent.diagonal() += bend;
+  return true;
+}
+
+QuickPlane Segmenter::Impl::start_plane(std::size_t component) const {
+  // The region's plane, unless the component is but a part of it.
+  const auto region = static_cast<std::size_t>(components.region_of(component));
+  if (region < regions.size() && components.pixels(component) > 0.9 * regions[region].moments.count) {
+    return regions[region].plane;
+  }
+  Moments moments;
+  for (const Run& run : components[component]) {
+    for (int j = run.j0; j < run.j1; ++j) { moments.add(frame.point(frame.image().index(run.line, j))); }
+  }
+  return fit_quick(moments);
 }
 
 void Segmenter::Impl::label_patches(SurfaceView& view) {
   labels.assign(labels.size(), kNoLabel);
-  for (std::size_t c = 0; c < components.size(); ++c) {
-    for (const std::size_t k : components[c]) { labels[k] = static_cast<std::int32_t>(c); }
-    Patch patch;
+  view.patches.reserve(kept.size());
+  for (std::size_t c = 0; c < kept.size(); ++c) {
+    for (const Run& run : components[kept[c]]) {
+      const std::size_t begin = frame.image().index(run.line, run.j0);
+      const auto count = static_cast<std::size_t>(run.pixels());
+      std::fill_n(labels.begin() + static_cast<std::ptrdiff_t>(begin), count, static_cast<std::int32_t>(c));
+      std::fill_n(view.labels.begin() + static_cast<std::ptrdiff_t>(begin), count, static_cast<std::uint16_t>(c + 1));
+    }
+    Patch& patch = view.patches.emplace_back();
     patch.id = static_cast<std::uint32_t>(c + 1);
     patch.plane = fits[c].plane;
     patch.motion = fits[c].motion;
-    patch.attributes.pixel_count = static_cast<int>(components[c].size());
-    view.patches.push_back(std::move(patch));
+    patch.cylinder = rounds[c];
+    patch.attributes.pixel_count = components.pixels(kept[c]);
   }
-  for (std::size_t k = 0; k < labels.size(); ++k) { view.labels[k] = static_cast<std::uint16_t>(labels[k] + 1); }
 }
 
 void Segmenter::Impl::outline_patches(SurfaceView& view) {
   std::vector<Plane> planes;
   planes.reserve(view.patches.size());
   for (const Patch& patch : view.patches) { planes.push_back(patch.plane); }
+  std::vector<std::vector<int>> blocks(view.patches.size());
+  for (int b = 0; b < grid.size(); ++b) {
+    if (!(grid.moments(b).count > 0.0)) { continue; }
+    const std::int32_t label = labels[grid.typical_pixel(b)];
+    if (label != kNoLabel) { blocks[static_cast<std::size_t>(label)].push_back(b); }
+  }
   fill_small_holes(frame, planes, labels);
+  // A patch has one outline for each of its connected parts.
+  outlines.from_components(frame, labels, {});
+  std::vector<PatchOutline> whole(view.patches.size());
   BoundaryTracer tracer(frame, labels, planes);
   std::vector<SharedBorder> borders;
-  for (std::size_t c = 0; c < components.size(); ++c) {
-    const auto label = static_cast<std::int32_t>(c);
-    std::vector<CrackRing> rings = tracer.trace(label, components[c]);
-    for (CrackRing& ring : rings) {
-      add_shared_borders(label, ring, borders);
-      snap_to_creases(planes, label, ring);
-    }
+  for (std::size_t part = 0; part < outlines.size(); ++part) {
+    const std::int32_t label = outlines.region_of(part);
+    const std::vector<CrackRing> rings = tracer.trace(label, outlines[part]);
+    for (const CrackRing& ring : rings) { add_shared_borders(label, ring, borders); }
     PatchOutline outline;
+    if (!make_outline(rings, label, planes, outline)) { continue; }
+    Patch& patch = view.patches[static_cast<std::size_t>(label)];
+    patch.outer.push_back(std::move(outline.outer));
+    std::move(outline.inner.begin(), outline.inner.end(), std::back_inserter(patch.inner));
+    add_outline(outline, whole[static_cast<std::size_t>(label)]);
+  }
+  for (std::size_t c = 0; c < view.patches.size(); ++c) {
     Patch& patch = view.patches[c];
-    if (make_outline(rings, outline)) {
-      patch.outer.push_back(outline.outer);
-      patch.inner = outline.inner;
-    }
-    patch.attributes = measure_attributes(frame, components[c], fits[c], outline);
+    patch.attributes = measure_attributes(fits[c], whole[c], patch.attributes.pixel_count);
+    measure_bending(frame, grid, blocks[c], patch.plane.normal, patch.attributes);
   }
   view.relations = make_relations(borders, planes);
 }

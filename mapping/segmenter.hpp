@@ -13,8 +13,8 @@ namespace rosid::mapping {
 /// Region-based split and merge on the raster's own topology [maths 5]. Deterministic; one instance per thread; keeps
 /// its working memory between views. Accepts any raster, valid or not, and always returns a result.
 ///
-/// The normals of the patches point towards the sensor; areas are those of the outlines. Cost about 0.5 us for each
-/// pixel of the raster.
+/// The normals of the patches point towards the sensor; areas are those of the outlines. Cost about 0.2 us for each
+/// pixel of the raster in rooms, twice that amid clutter.
 class Segmenter {
  public:
   Segmenter(const SegmenterConfig& config, const Calibration& calibration);

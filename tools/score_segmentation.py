@@ -45,7 +45,7 @@ class Sums:
     def __init__(self):
         self.views, self.patches, self.times_ms = 0, 0, []
         self.counts, self.normals = {}, {}
-        self.cylinders = {"seen": 0, "found": 0}
+        self.cylinders = {"seen": 0, "found": 0, "round": 0, "radius_within_tenth": 0}
 
     def add(self, report):
         self.views += report["views"]
@@ -62,7 +62,7 @@ class Sums:
             normals["area_m2"] += entry["normals"]["area_m2"]
             normals["deg_m2"] += entry["normals"]["error_deg"] * entry["normals"]["area_m2"]
         for name in self.cylinders:
-            self.cylinders[name] += report["score"]["cylinders"][name]
+            self.cylinders[name] += report["score"]["cylinders"].get(name, 0)
 
     def correct(self, tolerance, weight):
         counts = self.counts[tolerance, weight]
@@ -76,7 +76,8 @@ class Sums:
         return f"{normals['deg_m2'] / normals['area_m2']:.2f}" if normals["area_m2"] > 0.0 else "-"
 
     def cylinder_text(self):
-        return f"{self.cylinders['found']} of {self.cylinders['seen']}"
+        within = self.cylinders["radius_within_tenth"]
+        return f"{self.cylinders['found']} of {self.cylinders['seen']}, radius of {within}"
 
 
 def table(headings, rows):

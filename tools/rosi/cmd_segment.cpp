@@ -120,6 +120,11 @@ void print_view(const mapping::RangeImage& image, const mapping::SurfaceView& vi
     fmt::print("{:4} {:7} px {:8.3f} m2  normal {:6.3f} {:6.3f} {:6.3f}  offset {:7.3f} m  rms {:5.1f} mm\n", patch.id,
                patch.attributes.pixel_count, patch.attributes.area_m2, n.x(), n.y(), n.z(), patch.plane.rho(),
                1e3 * patch.attributes.rms_m);
+    if (!patch.cylinder) { continue; }
+    const mapping::Cylinder& c = *patch.cylinder;
+    fmt::print("       cylinder radius {:6.3f} m +- {:4.1f} mm  axis {:6.3f} {:6.3f} {:6.3f}  seen from {}\n",
+               c.radius_m, 1e3 * std::sqrt(c.covariance(4, 4)), c.axis.x(), c.axis.y(), c.axis.z(),
+               c.is_convex ? "outside" : "inside");
   }
   if (report.contains("score")) { fmt::print("{}", to_table(report["score"])); }
 }

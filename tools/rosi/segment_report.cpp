@@ -22,13 +22,20 @@ nlohmann::json patch_json(const mapping::Patch& patch) {
   nlohmann::json rings = nlohmann::json::array();
   for (const auto& ring : patch.outer) { rings.push_back(ring_json(patch, ring, true)); }
   for (const auto& ring : patch.inner) { rings.push_back(ring_json(patch, ring, false)); }
-  return {{"id", patch.id},
-          {"pixels", patch.attributes.pixel_count},
-          {"area_m2", patch.attributes.area_m2},
-          {"normal", to_json(patch.plane.normal)},
-          {"offset", patch.plane.rho()},
-          {"rms_mm", patch.attributes.rms_m * 1e3},
-          {"rings", rings}};
+  nlohmann::json json = {{"id", patch.id},
+                         {"pixels", patch.attributes.pixel_count},
+                         {"area_m2", patch.attributes.area_m2},
+                         {"normal", to_json(patch.plane.normal)},
+                         {"offset", patch.plane.rho()},
+                         {"rms_mm", patch.attributes.rms_m * 1e3},
+                         {"rings", rings}};
+  if (patch.cylinder) {
+    json["cylinder"] = {{"radius_m", patch.cylinder->radius_m},
+                        {"axis", to_json(patch.cylinder->axis)},
+                        {"point", to_json(patch.cylinder->point)},
+                        {"convex", patch.cylinder->is_convex}};
+  }
+  return json;
 }
 
 }  // namespace

@@ -123,7 +123,7 @@ void SegmentationScore::add(const mapping::RangeImage& image, const mapping::Sur
   if (!truth.shapes.empty()) {
     has_shapes_ = true;
     by_area = overlap_regions(view.labels, regions, area_weights(image, truth));
-    add_cylinders(standard, by_pixels, truth);
+    add_cylinders(standard, by_pixels, view, truth);
   }
   for (std::size_t k = 0; k < kTolerances.size(); ++k) {
     const HooverOptions options{.tolerance = kTolerances[k], .min_pixels = kMinRegion_px};  // NOLINT: k is below
@@ -174,14 +174,26 @@ void SegmentationScore::add_failures(std::uint32_t view, const HooverScore& scor
   }
 }
 
-void SegmentationScore::add_cylinders(const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth) {
+void SegmentationScore::add_cylinders(const HooverScore& score, const RegionOverlap& overlap,
+                                      const mapping::SurfaceView& view, const ViewTruth& truth) {
   const auto is_judged = [&](std::size_t region) {
     const auto shape = truth.shapes.find(static_cast<std::uint16_t>(overlap.surface_of[region]));
     return shape != truth.shapes.end() && shape->second.is_cylinder && shape->second.radius_m >= kMinCylinderRadius_m &&
            overlap.truth[region].pixels >= kMinCylinder_px;
   };
   for (std::size_t k = 1; k < overlap.truth.size(); ++k) { cylinders_seen_ += is_judged(k) ? 1 : 0; }
-  for (const RegionPair& pair : score.correct_pairs) { cylinders_found_ += is_judged(pair.truth) ? 1 : 0; }
+  for (const RegionPair& pair : score.correct_pairs) {
+    if (!is_judged(pair.truth)) { continue; }
+    ++cylinders_found_;
+    const mapping::Patch& patch = view.patches.at(pair.machine - 1U);
+    if (!patch.cylinder) { continue; }
+    const double truth_m = truth.shapes.at(static_cast<std::uint16_t>(overlap.surface_of[pair.truth])).radius_m;
+    const double error = std::abs(patch.cylinder->radius_m - truth_m) / truth_m;
+    constexpr double kGood = 0.1;
+    ++cylinders_round_;
+    cylinders_within_ += error <= kGood ? 1 : 0;
+    radius_error_ += error;
+  }
 }
 
 nlohmann::json SegmentationScore::to_json() const {
@@ -209,7 +221,13 @@ nlohmann::json SegmentationScore::to_json() const {
                         {"patch_share", f.patch_share}});
   }
   nlohmann::json json = {{"views", views_}, {"tolerances", std::move(tolerances)}, {"failures", std::move(failures)}};
-  if (has_shapes_) { json["cylinders"] = {{"seen", cylinders_seen_}, {"found", cylinders_found_}}; }
+  if (has_shapes_) {
+    json["cylinders"] = {{"seen", cylinders_seen_},
+                         {"found", cylinders_found_},
+                         {"round", cylinders_round_},
+                         {"radius_within_tenth", cylinders_within_},
+                         {"radius_error_mean", cylinders_round_ > 0 ? radius_error_ / cylinders_round_ : 0.0}};
+  }
   return json;
 }
 
@@ -224,8 +242,10 @@ std::string to_table(const nlohmann::json& score) {
                         normals.at("error_deg").get<double>());
   }
   const auto& cylinders = score.at("cylinders");
-  return text + fmt::format("cylinders found as one patch: {} of {}\n", cylinders.at("found").get<int>(),
-                            cylinders.at("seen").get<int>());
+  return text +
+         fmt::format("cylinders found as one patch: {} of {}, {} as cylinders, {} with the radius right to 10 %\n",
+                     cylinders.at("found").get<int>(), cylinders.at("seen").get<int>(),
+                     cylinders.at("round").get<int>(), cylinders.at("radius_within_tenth").get<int>());
 }
 
 }  // namespace rosid::rosi

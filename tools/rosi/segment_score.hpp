@@ -70,7 +70,8 @@ class SegmentationScore {
   };
 
   void add_failures(std::uint32_t view, const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth);
-  void add_cylinders(const HooverScore& score, const RegionOverlap& overlap, const ViewTruth& truth);
+  void add_cylinders(const HooverScore& score, const RegionOverlap& overlap, const mapping::SurfaceView& view,
+                     const ViewTruth& truth);
 
   int views_ = 0;
   bool has_shapes_ = false;
@@ -78,6 +79,9 @@ class SegmentationScore {
   std::vector<Failure> failures_;
   int cylinders_seen_ = 0;
   int cylinders_found_ = 0;
+  int cylinders_round_ = 0;    ///< found ones whose patch is a cylinder
+  int cylinders_within_ = 0;   ///< ... with a radius right to a tenth
+  double radius_error_ = 0.0;  ///< sum over the round ones of the relative error
 };
 
 /// The object of to_json() as a table for people.

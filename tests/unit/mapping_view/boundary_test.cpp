@@ -38,11 +38,9 @@ class PaintedWall : public ::testing::Test {
     labels[k] = 0;
   }
   std::vector<CrackRing> trace() {
-    std::vector<std::size_t> pixels;
-    for (std::size_t k = 0; k < labels.size(); ++k) {
-      if (labels[k] == 0) { pixels.push_back(k); }
-    }
-    return BoundaryTracer(frame, labels, planes).trace(0, pixels);
+    RunList runs;
+    runs.from_labels(frame, labels, 1);
+    return BoundaryTracer(frame, labels, planes).trace(0, runs[0]);
   }
   static double area(const CrackRing& ring) {
     std::vector<Vec2> vertices;
@@ -71,7 +69,7 @@ TEST_F(PaintedWall, DiscAroundTheMiddleHasOneBoundaryThatGoesRoundTwice) {
   EXPECT_EQ(rings[0].cracks.size(), static_cast<std::size_t>(2 * look.lines));
   EXPECT_NEAR(area(rings[0]), disc(10.5 * look.step_rad), 0.01 * disc(10.5 * look.step_rad));
   PatchOutline outline;
-  ASSERT_TRUE(make_outline(rings, outline));
+  ASSERT_TRUE(make_outline(rings, 0, planes, outline));
   EXPECT_TRUE(outline.inner.empty());
   EXPECT_GT(signed_area(outline.outer.vertices), 0.0);
   EXPECT_NEAR(outline.area_m2, disc(10.5 * look.step_rad), 0.05 * disc(10.5 * look.step_rad));
@@ -84,7 +82,7 @@ TEST_F(PaintedWall, AnnulusHasAHole) {
   const auto rings = trace();
   ASSERT_EQ(rings.size(), 2U);
   PatchOutline outline;
-  ASSERT_TRUE(make_outline(rings, outline));
+  ASSERT_TRUE(make_outline(rings, 0, planes, outline));
   ASSERT_EQ(outline.inner.size(), 1U);
   EXPECT_LT(signed_area(outline.inner[0].vertices), 0.0);
   const double truth = disc(12.5 * look.step_rad) - disc(8.5 * look.step_rad);
