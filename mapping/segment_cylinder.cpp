@@ -156,8 +156,9 @@ void CylinderFinder::grow_free(std::size_t seed, std::vector<std::size_t>& pixel
   const auto noise = static_cast<float>(4.0 * frame_.range_sigma());
   pixels.assign(1, seed);
   seen_[seed] = turn_;
-  for (std::size_t next = 0; next < pixels.size(); ++next) {
-    const std::size_t k = pixels[next];
+  std::size_t next = 0;
+  while (next < pixels.size()) {  // grows on the way
+    const std::size_t k = pixels[next++];
     const float limit = noise + (kSlope * step * range[k]);
     frame_.topology().for_each_neighbour8(frame_.line_of(k), frame_.column_of(k), [&](std::size_t n) {
       if (labels_[n] != kNoLabel || seen_[n] == turn_ || !frame_.is_usable(n)) { return; }
@@ -241,8 +242,9 @@ void CylinderFinder::collect(const Cylinder& cylinder, const std::vector<std::si
     if (z >= 0.0 && z <= kExplains) { taken_.push_back(k); }
   };
   for (const std::size_t k : seeds) { consider(k); }
-  for (std::size_t next = 0; next < taken_.size(); ++next) {
-    const std::size_t k = taken_[next];
+  std::size_t next = 0;
+  while (next < taken_.size()) {  // grows on the way
+    const std::size_t k = taken_[next++];
     frame_.topology().for_each_neighbour8(frame_.line_of(k), frame_.column_of(k), consider);
   }
   std::sort(taken_.begin(), taken_.end());

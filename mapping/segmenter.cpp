@@ -49,7 +49,7 @@ struct Segmenter::Impl {
   void find_regions();
   void fit_components();
   bool is_surface(const PlaneFit& fit) const;
-  bool is_bent_surface(PlaneFit& fit) const;
+  static bool is_bent_surface(PlaneFit& fit);
   QuickPlane start_plane(std::size_t component) const;
   std::optional<CylinderFit> refit_cylinder(std::size_t component, const Cylinder& start) const;
   bool find_patches(const RangeImage& image, SurfaceView& view);
@@ -142,7 +142,7 @@ std::optional<CylinderFit> Segmenter::Impl::refit_cylinder(std::size_t component
   return fit.cylinder.covariance.allFinite() ? std::optional(fit) : std::nullopt;
 }
 
-bool Segmenter::Impl::is_bent_surface(PlaneFit& fit) const {
+bool Segmenter::Impl::is_bent_surface(PlaneFit& fit) {
   if (fit.pixels <= kLarge || fit.roughness > kMaxRoughnessLarge || fit.curvature_per_m * kFlatRadius_m > 1.0) {
     return false;
   }
