@@ -62,7 +62,7 @@ class Sums:
             normals["area_m2"] += entry["normals"]["area_m2"]
             normals["deg_m2"] += entry["normals"]["error_deg"] * entry["normals"]["area_m2"]
         for name in self.cylinders:
-            self.cylinders[name] += report["score"]["cylinders"].get(name, 0)
+            self.cylinders[name] += report["score"]["cylinders"][name]
 
     def correct(self, tolerance, weight):
         counts = self.counts[tolerance, weight]

@@ -20,7 +20,8 @@ if "--all" in words:
     tolerances = [{"tolerance": t, "pixels": counts, "area": counts,
                    "normals": {"regions": 1, "area_m2": float(good), "error_deg": 0.3 * good}} for t in (0.51, 0.8)]
     print(json.dumps({"views": 2, "patches": 10, "times_ms": [1.0 * good, 5.0],
-                      "score": {"tolerances": tolerances, "cylinders": {"seen": 3, "found": good}}}))
+                      "score": {"tolerances": tolerances, "cylinders": {"seen": 3, "found": good, "round": good,
+                                                                              "radius_within_tenth": 1}}}))
 else:
     report = {"valid": 100, "patches": [{}] * 7, "coverage_fraction": 0.5, "rms_mm": 4.2, "time_ms": 9.1}
     if "--truth" in words:
@@ -42,7 +43,7 @@ class SegmentationTest(support.TreeTest):
         done = self.score()
         self.assertEqual(done.returncode, 0, done.stderr)
         # 4 views, 8 regions, 2 + 4 correct; normals (0.3 * 1 + 0.6 * 2) / 3.
-        self.assertIn("| hall | 4 | 8 | 75.0 | 75.0 | 1.50 | 0.50 | 0.50 | 3 of 6 | 5.0 | 3.5 |", done.stdout)
+        self.assertIn("| hall | 4 | 8 | 75.0 | 75.0 | 1.50 | 0.50 | 0.50 | 3 of 6, radius of 2 | 5.0 | 3.5 |", done.stdout)
         self.assertIn("| 0.51 | 6 | 75.0 | 0 | 0 | 2 | 1.50 | 0.50 | 0.50 |", done.stdout)
         self.assertIn("ROSID_DATA_DIR is not set", done.stdout)
 
