@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "mapping/boundary.hpp"
+#include "mapping/polygon.hpp"
 
 namespace rosid::mapping {
 namespace {
@@ -18,22 +19,19 @@ constexpr double kTypeRun_m = 0.20;
 /// Holes smaller than this are noise.
 constexpr double kMinHole_m2 = 0.0025;
 
-std::vector<double> lengths_of(const CrackRing& ring) {
-  std::vector<double> lengths(ring.cracks.size());
-  for (std::size_t v = 0; v < lengths.size(); ++v) {
-    lengths[v] = (ring.cracks[(v + 1) % lengths.size()].start - ring.cracks[v].start).norm();
-  }
-  return lengths;
+std::vector<Vec2> starts_of(const CrackRing& ring) {
+  std::vector<Vec2> starts;
+  starts.reserve(ring.cracks.size());
+  for (const Crack& crack : ring.cracks) { starts.push_back(crack.start); }
+  return starts;
 }
 
-double crack_area(const CrackRing& ring) {
-  double twice = 0.0;
-  for (std::size_t v = 0; v < ring.cracks.size(); ++v) {
-    const Vec2& a = ring.cracks[v].start;
-    const Vec2& b = ring.cracks[(v + 1) % ring.cracks.size()].start;
-    twice += (a.x() * b.y()) - (a.y() * b.x());
+std::vector<double> lengths_of(const std::vector<Vec2>& points) {
+  std::vector<double> lengths(points.size());
+  for (std::size_t v = 0; v < lengths.size(); ++v) {
+    lengths[v] = (points[(v + 1) % lengths.size()] - points[v]).norm();
   }
-  return 0.5 * twice;
+  return lengths;
 }
 
 /// Cracks [first, first + count) of one type and one neighbour, modulo the ring.
@@ -61,18 +59,6 @@ std::vector<Stretch> find_stretches(const CrackRing& ring, const std::vector<dou
   return stretches;
 }
 
-/// Squared distance of p from the segment from a to b.
-double distance2(const Vec2& p, const Vec2& a, const Vec2& b) {
-  const double dx = b.x() - a.x();
-  const double dy = b.y() - a.y();
-  const double length2 = (dx * dx) + (dy * dy);
-  const double along = ((p.x() - a.x()) * dx) + ((p.y() - a.y()) * dy);
-  const double t = length2 > 0.0 ? std::clamp(along / length2, 0.0, 1.0) : 0.0;
-  const double ex = p.x() - a.x() - (t * dx);
-  const double ey = p.y() - a.y() - (t * dy);
-  return (ex * ex) + (ey * ey);
-}
-
 /// A ring on its way from cracks to a polygon: which of its vertices stay.
 struct Draft {
   const CrackRing* ring = nullptr;
@@ -83,6 +69,13 @@ struct Draft {
 
   std::size_t size() const { return keep.size(); }
   const Vec2& at(std::size_t v) const { return points[v % size()]; }
+  std::vector<std::size_t> kept() const {
+    std::vector<std::size_t> vertices;
+    for (std::size_t v = 0; v < size(); ++v) {
+      if (keep[v] != 0) { vertices.push_back(v); }
+    }
+    return vertices;
+  }
   /// The vertex between two kept ones that is farthest from the edge between them, and its squared distance; `a` when
   /// there is none between. `b` may lie beyond the end of the ring.
   std::pair<std::size_t, double> farthest(std::size_t a, std::size_t b) const {
@@ -90,7 +83,7 @@ struct Draft {
     const Vec2& from = at(a);
     const Vec2& to = at(b);
     for (std::size_t v = a + 1; v < b; ++v) {
-      const double d = distance2(at(v), from, to);
+      const double d = squared_distance_to_segment_m2(at(v), from, to);
       if (d > worst.second) { worst = {v, d}; }
     }
     return worst;
@@ -132,7 +125,6 @@ void straighten(const Stretch& stretch, std::int32_t label, const std::vector<Pl
   constexpr std::size_t kTenth = 10;
   if (astray * kTenth > stretch.count) { return; }
   for (std::size_t m = 0; m < stretch.count; ++m) { draft.is_straight[(stretch.first + m) % n] = 1; }
-  // Twice, so that a corner of two creases comes close to the point of all three planes.
   for (const std::size_t end : {stretch.first, (stretch.first + stretch.count) % n}) {
     draft.points[end] = line.nearest(draft.points[end]);
   }
@@ -152,18 +144,12 @@ std::size_t farthest_from(const Draft& draft, std::size_t from) {
   return best;
 }
 
-Draft make_draft(const CrackRing& ring, std::int32_t label, const std::vector<Plane>& planes, double tolerance) {
-  const std::size_t n = ring.cracks.size();
-  Draft draft;
-  draft.ring = &ring;
-  draft.lengths = lengths_of(ring);
-  draft.keep.assign(n, 0);
-  draft.is_straight.assign(n, 0);
-  draft.points.reserve(n);
-  for (const Crack& crack : ring.cracks) { draft.points.push_back(crack.start); }
-  // Vertices that must stay: where long stretches of different types meet, and the two that lie farthest apart.
+/// Vertices that must stay: where long stretches of different types meet, and the two that lie farthest apart.
+void keep_corners(std::int32_t label, const std::vector<Plane>& planes, Draft& draft) {
+  const std::size_t n = draft.size();
+  // Twice, so that a corner of two creases comes close to the point of all three planes.
   constexpr int kRounds = 2;
-  const std::vector<Stretch> stretches = find_stretches(ring, draft.lengths);
+  const std::vector<Stretch> stretches = find_stretches(*draft.ring, draft.lengths);
   for (int round = 0; round < kRounds; ++round) {
     for (const Stretch& stretch : stretches) {
       if (stretch.length < kTypeRun_m) { continue; }
@@ -176,10 +162,19 @@ Draft make_draft(const CrackRing& ring, std::int32_t label, const std::vector<Pl
   for (const std::size_t v : {one, farthest_from(draft, one)}) {
     if (draft.is_straight[v] == 0 || draft.is_straight[(v + n - 1) % n] == 0) { draft.keep[v] = 1; }
   }
-  std::vector<std::size_t> anchors;
-  for (std::size_t v = 0; v < n; ++v) {
-    if (draft.keep[v] != 0) { anchors.push_back(v); }
-  }
+}
+
+Draft make_draft(const CrackRing& ring, std::vector<Vec2> starts, std::int32_t label, const std::vector<Plane>& planes,
+                 double tolerance) {
+  const std::size_t n = ring.cracks.size();
+  Draft draft;
+  draft.ring = &ring;
+  draft.lengths = lengths_of(starts);
+  draft.points = std::move(starts);
+  draft.keep.assign(n, 0);
+  draft.is_straight.assign(n, 0);
+  keep_corners(label, planes, draft);
+  const std::vector<std::size_t> anchors = draft.kept();
   for (std::size_t a = 0; a < anchors.size(); ++a) {
     const std::size_t to = a + 1 < anchors.size() ? anchors[a + 1] : anchors[0] + n;
     if (draft.is_straight[anchors[a]] == 0) { thin(draft, anchors[a], to, tolerance); }
@@ -211,8 +206,7 @@ Ring finished(const Draft& draft) {
 }
 
 /// Thinning may pull edges over each other. The cracks themselves do not cross, so edges that do get back the vertex
-/// they have departed from most, until none cross. False when
-/// some still do.
+/// they have departed from most, until none cross. False when some still do.
 bool untangle(std::vector<Draft>& drafts) {
   constexpr int kRounds = 12;
   constexpr int kPatience = 3;  // then what was moved goes back as well
@@ -223,10 +217,7 @@ bool untangle(std::vector<Draft>& drafts) {
     span.clear();
     for (std::size_t r = 0; r < drafts.size(); ++r) {
       const Draft& draft = drafts[r];
-      std::vector<std::size_t> kept;
-      for (std::size_t v = 0; v < draft.size(); ++v) {
-        if (draft.keep[v] != 0) { kept.push_back(v); }
-      }
+      const std::vector<std::size_t> kept = draft.kept();
       for (std::size_t e = 0; e < kept.size(); ++e) {
         const std::size_t to = e + 1 < kept.size() ? kept[e + 1] : kept[0] + draft.size();
         edges.push_back({draft.at(kept[e]), draft.at(to), r, e, kept.size()});
@@ -277,7 +268,8 @@ bool make_outline(const std::vector<CrackRing>& rings, std::int32_t label, const
   std::size_t outer = 0;
   double largest = -1.0;
   for (const CrackRing& ring : rings) {
-    const double area = std::abs(crack_area(ring));
+    std::vector<Vec2> starts = starts_of(ring);
+    const double area = std::abs(signed_area(starts));
     if (area > largest) {
       largest = area;
       outer = drafts.size();
@@ -285,7 +277,7 @@ bool make_outline(const std::vector<CrackRing>& rings, std::int32_t label, const
       continue;
     }
     const double tolerance = std::clamp(kTolerancePixels * typical_footprint(ring), kToleranceMin_m, kToleranceMax_m);
-    drafts.push_back(make_draft(ring, label, planes, tolerance));
+    drafts.push_back(make_draft(ring, std::move(starts), label, planes, tolerance));
     for (std::size_t v = 0; v < ring.cracks.size(); ++v) {
       const EdgeType type = ring.cracks[v].type;
       const double crack_length = drafts.back().lengths[v];

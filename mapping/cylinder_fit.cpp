@@ -13,8 +13,6 @@ namespace {
 using Vec5 = Eigen::Matrix<double, 5, 1>;
 using Mat5 = Eigen::Matrix<double, 5, 5>;
 
-constexpr double kMinRadius_m = 0.03;
-constexpr double kMaxRadius_m = 3.0;
 constexpr int kIterations = 10;
 constexpr double kHuber = 2.0;
 
@@ -22,6 +20,24 @@ void set_axis(const Vec3& axis, Cylinder& cylinder) {
   cylinder.axis = axis.normalized();
   cylinder.e2 = cylinder.axis.unitOrthogonal();
   cylinder.e3 = cylinder.axis.cross(cylinder.e2);
+}
+
+struct NoisyPoints {
+  std::vector<Vec3> points;
+  std::vector<SegmentFrame::Noise> noise;
+  Vec3 middle = Vec3::Zero();
+};
+
+NoisyPoints gather(const SegmentFrame& frame, std::span<const std::size_t> pixels) {
+  NoisyPoints result;
+  result.points.reserve(pixels.size());
+  result.noise.reserve(pixels.size());
+  for (const std::size_t k : pixels) {
+    result.points.push_back(frame.point(k));
+    result.noise.push_back(frame.noise(k));
+    result.middle += result.points.back() / static_cast<double>(pixels.size());
+  }
+  return result;
 }
 
 /// Circle through the points seen along the axis, algebraic least squares (Kasa).
@@ -99,6 +115,32 @@ double noise_sigma(const SegmentFrame& frame, const SegmentFrame::Noise& noise, 
   return std::sqrt(frame.variance(noise, normal).total() + frame.flatness_variance());
 }
 
+/// Gauss-Newton's, robust by Huber's weights; measures the residuals on the way.
+Vec5 next_step(const SegmentFrame& frame, const NoisyPoints& data, CylinderFit& fit) {
+  Cylinder& c = fit.cylinder;
+  c.is_convex = sees_outside(data.points, c);
+  Mat5 A = Mat5::Zero();
+  Vec5 b = Vec5::Zero();
+  double rough = 0.0;
+  double squares = 0.0;
+  for (std::size_t p = 0; p < data.points.size(); ++p) {
+    const double e = distance(c, data.points[p]);
+    const double sigma = noise_sigma(frame, data.noise[p], normal_at(c, data.points[p]));
+    const double z = std::abs(e) / sigma;
+    const double w = (z > kHuber ? kHuber / z : 1.0) / (sigma * sigma);
+    const Vec5 g = gradient(c, data.points[p]);
+    A += w * g * g.transpose();
+    b -= w * e * g;
+    rough += z * z;
+    squares += e * e;
+  }
+  const auto count = static_cast<double>(data.points.size());
+  fit.roughness = std::sqrt(rough / count);
+  fit.rms_m = std::sqrt(squares / count);
+  A.diagonal() += 1e-9 * A.diagonal() + Vec5::Constant(1e-9);
+  return A.llt().solve(b);
+}
+
 }  // namespace
 
 double distance(const Cylinder& cylinder, const Vec3& x) {
@@ -122,47 +164,19 @@ double deviation(const SegmentFrame& frame, const Cylinder& cylinder, std::size_
 bool fit_cylinder(const SegmentFrame& frame, std::span<const std::size_t> pixels, const Vec3& axis, CylinderFit& fit) {
   constexpr std::size_t kFewest = 12;
   if (pixels.size() < kFewest) { return false; }
-  std::vector<Vec3> points;
-  points.reserve(pixels.size());
-  std::vector<SegmentFrame::Noise> noise;
-  noise.reserve(pixels.size());
-  Vec3 middle = Vec3::Zero();
-  for (const std::size_t k : pixels) {
-    points.push_back(frame.point(k));
-    noise.push_back(frame.noise(k));
-    middle += points.back() / static_cast<double>(pixels.size());
-  }
+  const NoisyPoints data = gather(frame, pixels);
   Cylinder& c = fit.cylinder;
   set_axis(axis, c);
-  if (!start_from_circle(points, c)) { return false; }
+  if (!start_from_circle(data.points, c)) { return false; }
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    c.is_convex = sees_outside(points, c);
-    Mat5 A = Mat5::Zero();
-    Vec5 b = Vec5::Zero();
-    double rough = 0.0;
-    double squares = 0.0;
-    for (std::size_t p = 0; p < points.size(); ++p) {
-      const double e = distance(c, points[p]);
-      const double sigma = noise_sigma(frame, noise[p], normal_at(c, points[p]));
-      const double z = std::abs(e) / sigma;
-      const double w = (z > kHuber ? kHuber / z : 1.0) / (sigma * sigma);
-      const Vec5 g = gradient(c, points[p]);
-      A += w * g * g.transpose();
-      b -= w * e * g;
-      rough += z * z;
-      squares += e * e;
-    }
-    A.diagonal() += 1e-9 * A.diagonal() + Vec5::Constant(1e-9);
-    const Vec5 step = A.llt().solve(b);
-    fit.roughness = std::sqrt(rough / static_cast<double>(points.size()));
-    fit.rms_m = std::sqrt(squares / static_cast<double>(points.size()));
+    const Vec5 step = next_step(frame, data, fit);
     if (!step.allFinite() || step.head<2>().norm() > 1.0) { return false; }
-    move(step, middle, c);
-    if (!(c.radius_m > kMinRadius_m) || c.radius_m > kMaxRadius_m) { return false; }
+    move(step, data.middle, c);
+    if (!(c.radius_m > kMinCylinderRadius_m) || c.radius_m > kMaxCylinderRadius_m) { return false; }
     constexpr double kSettled_m = 1e-4;
     if (step.tail<3>().norm() < kSettled_m && step.head<2>().norm() < kSettled_m) { break; }
   }
-  fit.arc_rad = arc_of(points, c);
+  fit.arc_rad = arc_of(data.points, c);
   return true;
 }
 

@@ -8,6 +8,9 @@
 
 namespace rosid::mapping {
 
+inline constexpr double kMinCylinderRadius_m = 0.03;
+inline constexpr double kMaxCylinderRadius_m = 3.0;
+
 struct CylinderFit {
   Cylinder cylinder;  ///< relative to the sensor
   double rms_m = 0.0;
@@ -25,7 +28,7 @@ Vec3 normal_at(const Cylinder& cylinder, const Vec3& x);
 double deviation(const SegmentFrame& frame, const Cylinder& cylinder, std::size_t k);
 
 /// Weighted least squares with Huber's weights from a circle through the points projected along `axis`. False when it
-/// does not converge to a radius between 3 cm and 3 m. Allocates; cost about 1 us for each pixel.
+/// does not converge to a radius between the two above. Allocates; cost about 1 us for each pixel.
 bool fit_cylinder(const SegmentFrame& frame, std::span<const std::size_t> pixels, const Vec3& axis, CylinderFit& fit);
 
 /// Sets the covariance: pixels' own noise, the lines' common turret noise, and the systematic floor, which for the

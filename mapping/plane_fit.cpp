@@ -94,27 +94,8 @@ bool PlaneFitter::solve() {
   return true;
 }
 
-Vec3 PlaneFitter::turret_response(const LineSum& sum) const {
-  // Sum of J_k (axis x (x_k - o)) over the line [maths (3.5), (3.7)]; everything in it is of second order in x.
-  const LineInfo& line = frame_.image().line[static_cast<std::size_t>(sum.line)];
-  const Mat3 A = skew(line.spin_axis_V);
-  const Vec3 b = A * (origin_ + mean_ + frame_.image().sensor_V - line.origin_V);
-  const Vec3 m = sum.moments.sum() - sum.moments.count * mean_;
-  const Mat3 Q = scatter_about(sum.moments, mean_);
-  const Vec3 n = axes_.col(0);
-  Vec3 response;
-  for (int axis = 1; axis <= 2; ++axis) {
-    const Vec3 e = axes_.col(axis);
-    const double first = e.dot(A * (Q * n)) + (e.dot(b) * m.dot(n));
-    const double second = n.dot(A * (Q * e)) + (n.dot(b) * m.dot(e));
-    response[axis - 1] = (first + second) / (lambda_[0] - lambda_[axis]);
-  }
-  response[2] = (n.dot(A * m) + (sum.moments.count * n.dot(b))) / weighted_.count;
-  return response;
-}
-
 PlaneFitter::Mat36 PlaneFitter::motion_response(const LineSum& sum) const {
-  // Sum of J_k [-[x]x, I] over the line, x in V: rotation and translation of the vehicle at that time.
+  // Sum of J_k [-[x]x, I] over the line, x in V: rotation and translation of the vehicle at that time [maths (3.5)].
   const Vec3 c = origin_ + mean_ + frame_.image().sensor_V;
   const Vec3 m = sum.moments.sum() - sum.moments.count * mean_;
   const Mat3 Q = scatter_about(sum.moments, mean_);
@@ -150,9 +131,13 @@ void PlaneFitter::propagate(PlaneFit& fit) {
   const double turret = frame_.calibration().turret_sigma_rad;
   motion_.clear();
   for (const LineSum& sum : lines_) {
-    const Vec3 a = turret * turret_response(sum);
+    const Mat36 response = motion_response(sum);
+    // The turret turns the line about an axis beside the vehicle's origin.
+    const LineInfo& line = frame_.image().line[static_cast<std::size_t>(sum.line)];
+    const Vec3 shift = line.origin_V.cross(line.spin_axis_V);
+    const Vec3 a = turret * (response.leftCols<3>() * line.spin_axis_V + response.rightCols<3>() * shift);
     fit.noise += a * a.transpose();  // maths (3.7)
-    if (frame_.is_moving()) { motion_.push_back(motion_response(sum)); }
+    if (frame_.is_moving()) { motion_.push_back(response); }
   }
   if (!frame_.image().motion.empty()) {
     fit.motion = knot_response();

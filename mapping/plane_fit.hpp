@@ -56,7 +56,6 @@ class PlaneFitter {
   bool solve();
   void propagate(PlaneFit& fit);
   void measure(PlaneFit& fit) const;
-  Vec3 turret_response(const LineSum& sum) const;
   Mat36 motion_response(const LineSum& sum) const;
   void measure_bend(PlaneFit& fit) const;
   Mat3 motion_covariance() const;

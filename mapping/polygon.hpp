@@ -113,6 +113,7 @@ PatchRings to_rings(const PolygonSet& a);
 bool contains(std::span<const Ring> outer, std::span<const Ring> inner, const Vec2& point_m);
 /// Distance to the nearest edge of the rings; infinite without any.
 double boundary_distance_m(std::span<const Ring> outer, std::span<const Ring> inner, const Vec2& point_m);
+double squared_distance_to_segment_m2(const Vec2& p, const Vec2& a, const Vec2& b);
 double distance_to_segment_m(const Vec2& p, const Vec2& a, const Vec2& b);
 
 /// At most about max_points points inside the rings on a regular raster; at least one when the rings have any area.

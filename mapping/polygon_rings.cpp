@@ -31,11 +31,16 @@ double distance_to_ring_m(const Ring& ring, const Vec2& p) {
 
 }  // namespace
 
-double distance_to_segment_m(const Vec2& p, const Vec2& a, const Vec2& b) {
+double squared_distance_to_segment_m2(const Vec2& p, const Vec2& a, const Vec2& b) {
   const Vec2 edge = b - a;
+  const Vec2 from_a = p - a;
   const double length2 = edge.squaredNorm();
-  const double s = length2 > 0.0 ? std::clamp((p - a).dot(edge) / length2, 0.0, 1.0) : 0.0;
-  return (p - a - s * edge).norm();
+  const double s = length2 > 0.0 ? std::clamp(from_a.dot(edge) / length2, 0.0, 1.0) : 0.0;
+  return (from_a - s * edge).squaredNorm();
+}
+
+double distance_to_segment_m(const Vec2& p, const Vec2& a, const Vec2& b) {
+  return std::sqrt(squared_distance_to_segment_m2(p, a, b));
 }
 
 bool contains(std::span<const Ring> outer, std::span<const Ring> inner, const Vec2& point_m) {

@@ -12,9 +12,6 @@ constexpr float kJoin = 3.0F;        ///< standard deviations at which a pixel j
 constexpr float kLeave = 3.5F;       ///< ... at which it leaves it again
 constexpr float kSurrounded = 5.0F;  ///< ... away from the borders of its surface
 constexpr float kBetter = 1.0F;      ///< how much better another surface must explain a pixel
-constexpr double kFacing = 0.866;    ///< cosine of 30 degrees
-/// Direction noise up to which a facet is known to face another way.
-constexpr double kSettled_rad = 0.15;
 /// A region's number among the candidates, in the last bits of its deviation.
 constexpr std::uint32_t kNumberBits = 7;
 constexpr std::uint32_t kNobody = 0x7f000000U | kNumberBits;
@@ -158,12 +155,10 @@ void PixelAssigner::gather(const PixelBox& box) {
 void PixelAssigner::add_candidate(int block, std::int32_t label) {
   const Region& region = (*regions_)[static_cast<std::size_t>(label)];
   if (!region.is_alive) { return; }
+  // A facet whose region has been dissolved knows nothing.
   const std::int32_t facet = facets_.of_block[static_cast<std::size_t>(block)];
-  bool faces_away = false;
-  if (facet != kNoLabel) {
-    const Region& own = facets_.facets[static_cast<std::size_t>(facet)];
-    faces_away = own.direction_sigma() < kSettled_rad && own.plane.normal.dot(region.plane.normal) < kFacing;
-  }
+  const bool is_live = facet != kNoLabel && (*labels_)[grid_.typical_pixel(block)] != kNoLabel;
+  const bool is_away = is_live && faces_away(facets_.facets[static_cast<std::size_t>(facet)], region.plane.normal);
   const Moments& points = grid_.moments(block);
   const Vec3& n = region.plane.normal;
   const Vec3& mean = grid_.mean(block);
@@ -182,7 +177,7 @@ void PixelAssigner::add_candidate(int block, std::int32_t label) {
                                     static_cast<float>(scaled.z()),
                                     static_cast<float>(scaled.dot(region.plane.centroid)),
                                     &region.plane,
-                                    faces_away};
+                                    is_away};
 }
 
 std::int32_t PixelAssigner::decide(std::int32_t own, std::uint32_t best, std::uint32_t second, std::uint32_t mine,
@@ -209,29 +204,26 @@ bool PixelAssigner::assign_block(const PixelBox& box) {
   const float* y = frame_.y().data();
   const float* z = frame_.z().data();
   bool changed = false;
-  for (int i = box.i0; i < box.i1; ++i) {
-    const std::size_t begin = frame_.image().index(i, box.j0);
-    for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
-      if (!frame_.is_usable(k)) { continue; }
-      const std::int32_t own = (*labels_)[k];
-      // Deviations as integers that carry the candidate's number in their last bits: positive floats sort like
-      // integers, and the two smallest are found without a branch.
-      std::uint32_t best = kNobody;
-      std::uint32_t second = kNobody;
-      std::uint32_t mine = kNobody;
-      for (std::uint32_t c = 0; c < candidate_count_; ++c) {
-        const Candidate& r = candidate_[c];
-        const float distance = deviation(r, x[k], y[k], z[k]);
-        const std::uint32_t key = (std::bit_cast<std::uint32_t>(distance) & ~kNumberBits) | c;
-        mine = r.label == own ? key : mine;
-        second = std::min(second, std::max(best, key));
-        best = std::min(best, key);
-      }
-      const std::int32_t now = decide(own, best, second, mine, Eigen::Vector3f(x[k], y[k], z[k]));
-      changed = changed || now != own;
-      (*labels_)[k] = now;
+  for_each_pixel(frame_, box, [&](std::size_t k) {
+    if (!frame_.is_usable(k)) { return; }
+    const std::int32_t own = (*labels_)[k];
+    // Deviations as integers that carry the candidate's number in their last bits: positive floats sort like
+    // integers, and the two smallest are found without a branch.
+    std::uint32_t best = kNobody;
+    std::uint32_t second = kNobody;
+    std::uint32_t mine = kNobody;
+    for (std::uint32_t c = 0; c < candidate_count_; ++c) {
+      const Candidate& r = candidate_[c];
+      const float distance = deviation(r, x[k], y[k], z[k]);
+      const std::uint32_t key = (std::bit_cast<std::uint32_t>(distance) & ~kNumberBits) | c;
+      mine = r.label == own ? key : mine;
+      second = std::min(second, std::max(best, key));
+      best = std::min(best, key);
     }
-  }
+    const std::int32_t now = decide(own, best, second, mine, Eigen::Vector3f(x[k], y[k], z[k]));
+    changed = changed || now != own;
+    (*labels_)[k] = now;
+  });
   return changed;
 }
 
@@ -277,14 +269,11 @@ bool PixelAssigner::is_edge(const PixelBox& box, const Candidate& facet, const C
   const float* y = frame_.y().data();
   const float* z = frame_.z().data();
   float gain = 0.0F;
-  for (int i = box.i0; i < box.i1; ++i) {
-    const std::size_t begin = frame_.image().index(i, box.j0);
-    for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
-      if (!frame_.is_usable(k) || met_by_ray(facet, beyond, x[k], y[k], z[k]) != &beyond) { continue; }
-      gain +=
-          std::min(deviation(facet, x[k], y[k], z[k]), kLimit) - std::min(deviation(beyond, x[k], y[k], z[k]), kLimit);
-    }
-  }
+  for_each_pixel(frame_, box, [&](std::size_t k) {
+    if (!frame_.is_usable(k) || met_by_ray(facet, beyond, x[k], y[k], z[k]) != &beyond) { return; }
+    gain +=
+        std::min(deviation(facet, x[k], y[k], z[k]), kLimit) - std::min(deviation(beyond, x[k], y[k], z[k]), kLimit);
+  });
   return gain > 0.0F;
 }
 
@@ -295,15 +284,12 @@ bool PixelAssigner::assign_to(const PixelBox& box, const Candidate& only) {
   const std::uint8_t* usable = frame_.usable().data();
   std::int32_t* labels = labels_->data();
   bool changed = false;
-  for (int i = box.i0; i < box.i1; ++i) {
-    const std::size_t begin = frame_.image().index(i, box.j0);
-    for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
-      const float limit = labels[k] == only.label ? kLeave : kJoin;
-      const std::int32_t now = usable[k] != 0 && deviation(only, x[k], y[k], z[k]) <= limit ? only.label : kNoLabel;
-      changed = changed || now != labels[k];
-      labels[k] = now;
-    }
-  }
+  for_each_pixel(frame_, box, [&](std::size_t k) {
+    const float limit = labels[k] == only.label ? kLeave : kJoin;
+    const std::int32_t now = usable[k] != 0 && deviation(only, x[k], y[k], z[k]) <= limit ? only.label : kNoLabel;
+    changed = changed || now != labels[k];
+    labels[k] = now;
+  });
   return changed;
 }
 
@@ -311,23 +297,16 @@ void PixelAssigner::drop_outliers(const PixelBox& box, const Candidate& own) {
   const float* x = frame_.x().data();
   const float* y = frame_.y().data();
   const float* z = frame_.z().data();
-  for (int i = box.i0; i < box.i1; ++i) {
-    const std::size_t begin = frame_.image().index(i, box.j0);
-    for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
-      // Pixels that are not usable lie far from any surface, at the sensor.
-      if (deviation(own, x[k], y[k], z[k]) > kSurrounded) { (*labels_)[k] = kNoLabel; }
-    }
-  }
+  for_each_pixel(frame_, box, [&](std::size_t k) {
+    // Pixels that are not usable lie far from any surface, at the sensor.
+    if (deviation(own, x[k], y[k], z[k]) > kSurrounded) { (*labels_)[k] = kNoLabel; }
+  });
 }
 
 int PixelAssigner::free_pixels(const PixelBox& box) const {
   int count = 0;
-  for (int i = box.i0; i < box.i1; ++i) {
-    const std::size_t begin = frame_.image().index(i, box.j0);
-    for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
-      count += (*labels_)[k] == kNoLabel && frame_.is_usable(k) ? 1 : 0;
-    }
-  }
+  for_each_pixel(frame_, box,
+                 [&](std::size_t k) { count += (*labels_)[k] == kNoLabel && frame_.is_usable(k) ? 1 : 0; });
   return count;
 }
 
@@ -375,12 +354,9 @@ void refit(const SegmentFrame& frame, const BlockGrid& grid, std::vector<Region>
       regions[static_cast<std::size_t>(first)].moments += grid.moments(block);
       continue;
     }
-    for (int i = box.i0; i < box.i1; ++i) {
-      for (int j = box.j0; j < box.j1; ++j) {
-        const std::size_t k = frame.image().index(i, j);
-        if (labels[k] != kNoLabel) { regions[static_cast<std::size_t>(labels[k])].moments.add(frame.point(k)); }
-      }
-    }
+    for_each_pixel(frame, box, [&](std::size_t k) {
+      if (labels[k] != kNoLabel) { regions[static_cast<std::size_t>(labels[k])].moments.add(frame.point(k)); }
+    });
   }
   for (std::size_t r = 0; r < regions.size(); ++r) {
     Region& region = regions[r];

@@ -17,6 +17,16 @@ struct PixelBox {
   int pixels() const { return (i1 - i0) * (j1 - j0); }
 };
 
+/// Calls visit(index) for each pixel of the box in raster order.
+template <typename Visitor>
+void for_each_pixel(const SegmentFrame& frame, const PixelBox& box, Visitor&& visit) {
+  const auto width = static_cast<std::size_t>(box.j1 - box.j0);
+  for (int i = box.i0; i < box.i1; ++i) {
+    const std::size_t begin = frame.image().index(i, box.j0);
+    for (std::size_t k = begin; k < begin + width; ++k) { visit(k); }
+  }
+}
+
 /// Blocks of equal size but for those at the lower and right end. The shape of a block is chosen so that it is about as
 /// wide as high in space in the middle between pole and rim. Kept between views for its memory.
 class BlockGrid {

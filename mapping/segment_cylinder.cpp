@@ -1,7 +1,6 @@
 #include "mapping/segment_cylinder.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "mapping/segment_runs.hpp"
@@ -11,14 +10,12 @@ namespace {
 
 constexpr double kMinTurn_rad = 0.14;  ///< between the normals of two strips; 8 degrees
 constexpr double kMaxTurn_rad = 1.9;
-constexpr double kMinRadius_m = 0.03;
-constexpr double kMaxRadius_m = 3.0;
 constexpr double kMinArc_rad = 0.6;
 constexpr double kMaxRoughness = 1.25;
 constexpr double kExplains = 3.0;  ///< standard deviations
 constexpr double kSwallow = 0.8;   ///< share of a strip's pixels that a cylinder must explain to have it all
 constexpr double kNoWorse = 1.05;  ///< mean square of a cylinder's residuals over those of the planes it replaces
-constexpr int kFewest = 40;
+constexpr std::size_t kFewest = 40;
 constexpr std::size_t kMaxSample = 150;
 /// A strip that a plane fits is at most so many standard deviations of noise and flatness high.
 constexpr double kMaxSagitta = 4.0;
@@ -41,7 +38,6 @@ class CylinderFinder {
   bool is_strip(const Region& region, const Vec3& axis, double radius) const;
   void try_pair(std::int32_t a, std::int32_t b);
   void find_free();
-  void grow_free(std::size_t seed, std::vector<std::size_t>& pixels);
   void try_free(const std::vector<std::size_t>& pixels);
   bool fit_most(std::vector<std::size_t>& pixels, const Vec3& axis, CylinderFit& fit) const;
   void members(std::int32_t label, std::vector<std::size_t>& pixels) const;
@@ -49,11 +45,11 @@ class CylinderFinder {
   bool is_round(const CylinderFit& fit) const;
   void take(CylinderFit& fit, const std::vector<std::size_t>& seeds);
   void collect(const Cylinder& cylinder, const std::vector<std::size_t>& seeds);
-  bool may_take(std::size_t k) const;
+  bool explains(const Cylinder& cylinder, std::size_t k) const;
+  /// ... so much of a region that it may have all of it?
   bool explains_enough(std::int32_t label, const Cylinder& cylinder);
 
   const SegmentFrame& frame_;
-
   std::vector<Region>& regions_;
   Labels& labels_;
   std::vector<CylinderRegion>& cylinders_;
@@ -87,7 +83,7 @@ bool CylinderFinder::could_be_strips(const Region& a, const Region& b, Vec3& axi
   const Vec3 turned = a.plane.normal - b.plane.normal;
   const double radius = flat.dot(turned) / turned.squaredNorm();
   const double size = std::abs(radius);
-  if (size < kMinRadius_m || size > kMaxRadius_m) { return false; }
+  if (size < kMinCylinderRadius_m || size > kMaxCylinderRadius_m) { return false; }
   constexpr double kMismatch = 0.5;
   if ((flat - radius * turned).norm() > kMismatch * flat.norm()) { return false; }
   return is_strip(a, axis, size) && is_strip(b, axis, size);
@@ -134,39 +130,7 @@ void CylinderFinder::try_pair(std::int32_t a, std::int32_t b) {
 }
 
 void CylinderFinder::find_free() {
-  ++turn_;
-  std::vector<std::vector<std::size_t>> found;
-  std::vector<std::size_t> pixels;
-  for (std::size_t seed = 0; seed < labels_.size(); ++seed) {
-    if (labels_[seed] != kNoLabel || seen_[seed] == turn_ || !frame_.is_usable(seed)) { continue; }
-    grow_free(seed, pixels);
-    if (pixels.size() >= static_cast<std::size_t>(kFewest)) { found.push_back(pixels); }
-  }
-  for (std::vector<std::size_t>& component : found) {
-    std::sort(component.begin(), component.end());
-    try_free(component);
-  }
-}
-
-void CylinderFinder::grow_free(std::size_t seed, std::vector<std::size_t>& pixels) {
-  // Pixels without a surface, from one to the next without a jump in range.
-  constexpr float kSlope = 4.0F;
-  const std::vector<float>& range = frame_.image().range_m;
-  const auto step = static_cast<float>(frame_.image().step_rad);
-  const auto noise = static_cast<float>(4.0 * frame_.range_sigma());
-  pixels.assign(1, seed);
-  seen_[seed] = turn_;
-  std::size_t next = 0;
-  while (next < pixels.size()) {  // grows on the way
-    const std::size_t k = pixels[next++];
-    const float limit = noise + (kSlope * step * range[k]);
-    frame_.topology().for_each_neighbour8(frame_.line_of(k), frame_.column_of(k), [&](std::size_t n) {
-      if (labels_[n] != kNoLabel || seen_[n] == turn_ || !frame_.is_usable(n)) { return; }
-      if (std::abs(range[n] - range[k]) > limit) { return; }
-      seen_[n] = turn_;
-      pixels.push_back(n);
-    });
-  }
+  for (const std::vector<std::size_t>& component : free_components(frame_, labels_, kFewest)) { try_free(component); }
 }
 
 bool CylinderFinder::fit_most(std::vector<std::size_t>& pixels, const Vec3& axis, CylinderFit& fit) const {
@@ -179,10 +143,7 @@ bool CylinderFinder::fit_most(std::vector<std::size_t>& pixels, const Vec3& axis
     if (!fit_cylinder(frame_, pixels, along, fit)) { return false; }
     along = fit.cylinder.axis;
     const std::size_t before = pixels.size();
-    std::erase_if(pixels, [&](std::size_t k) {
-      const double z = deviation(frame_, fit.cylinder, k);
-      return z < 0.0 || z > kExplains;
-    });
+    std::erase_if(pixels, [&](std::size_t k) { return !explains(fit.cylinder, k); });
     if (static_cast<double>(pixels.size()) < kLeast * all) { return false; }
     if (pixels.size() == before) { return true; }
   }
@@ -204,23 +165,21 @@ void CylinderFinder::try_free(const std::vector<std::size_t>& pixels) {
   take(fit, sample);
 }
 
-bool CylinderFinder::may_take(std::size_t k) const {
-  if (!frame_.is_usable(k)) { return false; }
-  const std::int32_t label = labels_[k];
-  return label == kNoLabel || std::find(swallowed_.begin(), swallowed_.end(), label) != swallowed_.end();
+bool CylinderFinder::explains(const Cylinder& cylinder, std::size_t k) const {
+  const double z = deviation(frame_, cylinder, k);
+  return z >= 0.0 && z <= kExplains;
 }
 
 bool CylinderFinder::explains_enough(std::int32_t label, const Cylinder& cylinder) {
+  if (std::find(swallowed_.begin(), swallowed_.end(), label) != swallowed_.end()) { return true; }
   if (std::find(refused_.begin(), refused_.end(), label) != refused_.end()) { return false; }
   const bool is_cylinder =
       static_cast<std::size_t>(label) >= regions_.size() || !regions_[static_cast<std::size_t>(label)].is_alive;
   std::vector<std::size_t> pixels;
   if (!is_cylinder) { members(label, pixels); }
   const std::vector<std::size_t> sample = sampled(pixels);
-  const auto explained = std::count_if(sample.begin(), sample.end(), [&](std::size_t k) {
-    const double z = deviation(frame_, cylinder, k);
-    return z >= 0.0 && z <= kExplains;
-  });
+  const auto explained =
+      std::count_if(sample.begin(), sample.end(), [&](std::size_t k) { return explains(cylinder, k); });
   const bool is_enough =
       !is_cylinder && static_cast<double>(explained) >= kSwallow * static_cast<double>(sample.size());
   (is_enough ? swallowed_ : refused_).push_back(label);
@@ -236,10 +195,9 @@ void CylinderFinder::collect(const Cylinder& cylinder, const std::vector<std::si
     if (seen_[k] == turn_) { return; }
     seen_[k] = turn_;
     const std::int32_t label = labels_[k];
-    if (label != kNoLabel && !may_take(k) && !explains_enough(label, cylinder)) { return; }
-    if (!may_take(k)) { return; }
-    const double z = deviation(frame_, cylinder, k);
-    if (z >= 0.0 && z <= kExplains) { taken_.push_back(k); }
+    if (frame_.is_usable(k) && (label == kNoLabel || explains_enough(label, cylinder)) && explains(cylinder, k)) {
+      taken_.push_back(k);
+    }
   };
   for (const std::size_t k : seeds) { consider(k); }
   std::size_t next = 0;
@@ -255,7 +213,7 @@ void CylinderFinder::take(CylinderFit& fit, const std::vector<std::size_t>& seed
   constexpr int kRounds = 2;
   for (int round = 0; round < kRounds; ++round) {
     collect(fit.cylinder, seeds);
-    if (taken_.size() < static_cast<std::size_t>(kFewest)) { return; }
+    if (taken_.size() < kFewest) { return; }
     const Vec3 axis = fit.cylinder.axis;
     if (!fit_cylinder(frame_, sampled(taken_), axis, fit) || !is_round(fit)) { return; }
   }

@@ -1,100 +1,125 @@
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 
 #include "mapping/segment_regions.hpp"
 
 namespace rosid::mapping {
 namespace {
 
-constexpr double kMinPoints = 7.0;
+constexpr std::size_t kMinPoints = 7;
 /// Fewer points in a row fit any plane through the row.
 constexpr double kMaxDirectionSigma_rad = 0.2;
 
-/// Surfaces too narrow to fill a block, from the pixels of single blocks that nothing has claimed.
+/// Splits pixels that hang together, whatever their outline, until the parts are planar.
 class LeftoverSplitter {
  public:
   LeftoverSplitter(const SegmentFrame& frame, std::vector<Region>& regions, Labels& labels)
       : frame_(frame), regions_(regions), labels_(labels) {}
 
-  void visit(const PixelBox& box) {
-    std::array<Part, 5> parts{};
-    look(box, parts);
-    if (parts[0].moments.count < kMinPoints || keep(box, parts[0])) { return; }
-    // Upper and lower half, or left and right: whichever pair fits its planes better.
-    const double across_lines = misfit(parts[1]) + misfit(parts[2]);
-    const double across_columns = misfit(parts[3]) + misfit(parts[4]);
-    const int i_middle = (box.i0 + box.i1) / 2;
-    const int j_middle = (box.j0 + box.j1) / 2;
-    if (across_lines < across_columns) {
-      keep({box.i0, i_middle, box.j0, box.j1}, parts[1]);
-      keep({i_middle, box.i1, box.j0, box.j1}, parts[2]);
-    } else {
-      keep({box.i0, box.i1, box.j0, j_middle}, parts[3]);
-      keep({box.i0, box.i1, j_middle, box.j1}, parts[4]);
+  void visit(std::span<std::size_t> pixels) {
+    open_.assign(1, pixels);
+    while (!open_.empty()) {
+      const std::span<std::size_t> part = open_.back();
+      open_.pop_back();
+      if (part.size() >= kMinPoints) { look(part); }
     }
   }
 
  private:
-  struct Part {
-    Moments moments;
-    std::size_t pixel = 0;
-  };
-
-  bool is_free(std::size_t k) const { return labels_[k] == kNoLabel && frame_.is_usable(k); }
-
-  /// The whole and its four halves.
-  void look(const PixelBox& box, std::array<Part, 5>& parts) const {
-    const int i_middle = (box.i0 + box.i1) / 2;
-    const int j_middle = (box.j0 + box.j1) / 2;
-    for (int i = box.i0; i < box.i1; ++i) {
-      for (int j = box.j0; j < box.j1; ++j) {
-        const std::size_t k = frame_.image().index(i, j);
-        if (!is_free(k)) { continue; }
-        for (const std::size_t p :
-             {std::size_t{0}, i < i_middle ? std::size_t{1} : 2, j < j_middle ? std::size_t{3} : 4}) {
-          parts[p].moments.add(frame_.point(k));
-          parts[p].pixel = k;
-        }
-      }
-    }
-  }
-
-  /// Mean square distance from the plane; a part with too few points does not fit at all.
-  static double misfit(const Part& part) {
-    constexpr double kNever = 1e9;
-    return part.moments.count < kMinPoints ? kNever : fit_quick(part.moments).lambda[0] / part.moments.count;
-  }
-
-  bool keep(const PixelBox& box, const Part& part) {
-    if (part.moments.count < kMinPoints) { return false; }
+  void look(std::span<std::size_t> part) {
     Region region;
-    region.moments = part.moments;
-    region.plane = fit_quick(part.moments);
-    const SegmentFrame::Noise noise = frame_.noise(part.pixel);
-    const std::array<const SegmentFrame::Noise*, 1> sample{&noise};
-    if (!is_planar(frame_, sample, region) || region.direction_sigma() > kMaxDirectionSigma_rad) { return false; }
-    const auto id = static_cast<std::int32_t>(regions_.size());
-    for (int i = box.i0; i < box.i1; ++i) {
-      for (int j = box.j0; j < box.j1; ++j) {
-        const std::size_t k = frame_.image().index(i, j);
-        if (is_free(k)) { labels_[k] = id; }
+    for (const std::size_t k : part) { region.moments.add(frame_.point(k)); }
+    region.plane = fit_quick(region.moments);
+    if (fits(part, region)) {
+      if (region.direction_sigma() > kMaxDirectionSigma_rad) { return; }
+      const auto id = static_cast<std::int32_t>(regions_.size());
+      for (const std::size_t k : part) { labels_[k] = id; }
+      regions_.push_back(region);
+    } else {
+      cut(part, region.plane);
+    }
+  }
+
+  bool fits(std::span<const std::size_t> part, Region& region) const {
+    constexpr std::size_t kSamples = 5;
+    std::array<SegmentFrame::Noise, kSamples> noise;
+    std::array<const SegmentFrame::Noise*, kSamples> samples{};
+    for (std::size_t s = 0; s < kSamples; ++s) {
+      noise[s] = frame_.noise(part[s * (part.size() - 1) / (kSamples - 1)]);  // NOLINT: s is below the size
+      samples[s] = &noise[s];                                                 // NOLINT
+    }
+    return is_planar(frame_, samples, region);
+  }
+
+  /// Through the middle, across the axis that leaves the flattest halves.
+  void cut(std::span<std::size_t> part, const QuickPlane& plane) {
+    double least = std::numeric_limits<double>::infinity();
+    Vec3 across = plane.e3;
+    for (const Vec3& axis : {plane.e3, plane.e2, plane.normal}) {
+      std::array<Moments, 2> half;
+      for (const std::size_t k : part) {
+        const Vec3 x = frame_.point(k);
+        half[axis.dot(x - plane.centroid) > 0.0 ? 1 : 0].add(x);  // NOLINT: 0 or 1
+      }
+      if (half[0].count < 3.0 || half[1].count < 3.0) { continue; }
+      const double squares = fit_quick(half[0]).lambda[0] + fit_quick(half[1]).lambda[0];
+      if (squares < least) {
+        least = squares;
+        across = axis;
       }
     }
-    regions_.push_back(region);
-    return true;
+    const auto middle = std::stable_partition(
+        part.begin(), part.end(), [&](std::size_t k) { return across.dot(frame_.point(k) - plane.centroid) > 0.0; });
+    const auto first = static_cast<std::size_t>(middle - part.begin());
+    if (first == 0 || first == part.size()) { return; }
+    open_.push_back(part.first(first));
+    open_.push_back(part.subspan(first));
   }
 
   const SegmentFrame& frame_;
   std::vector<Region>& regions_;
   Labels& labels_;
+  std::vector<std::span<std::size_t>> open_;
 };
 
 }  // namespace
 
-void split_leftovers(const SegmentFrame& frame, const BlockGrid& grid, std::vector<Region>& regions, Labels& labels) {
-  LeftoverSplitter splitter(frame, regions, labels);
-  for (int block = 0; block < grid.size(); ++block) {
-    if (grid.moments(block).count >= kMinPoints) { splitter.visit(grid.box(block)); }
+std::vector<std::vector<std::size_t>> free_components(const SegmentFrame& frame, const Labels& labels,
+                                                      std::size_t min_pixels) {
+  // From one pixel to the next without a jump in range.
+  constexpr float kSlope = 4.0F;
+  const std::vector<float>& range = frame.image().range_m;
+  const auto step = static_cast<float>(frame.image().step_rad);
+  const auto noise = static_cast<float>(4.0 * frame.range_sigma());
+  std::vector<std::vector<std::size_t>> components;
+  std::vector<std::size_t> pixels;
+  std::vector<std::uint8_t> is_seen(labels.size(), 0);
+  for (std::size_t seed = 0; seed < labels.size(); ++seed) {
+    if (labels[seed] != kNoLabel || is_seen[seed] != 0 || !frame.is_usable(seed)) { continue; }
+    pixels.assign(1, seed);
+    is_seen[seed] = 1;
+    for (std::size_t next = 0; next < pixels.size(); ++next) {  // grows on the way
+      const std::size_t k = pixels[next];
+      const float limit = noise + (kSlope * step * range[k]);
+      frame.topology().for_each_neighbour8(frame.line_of(k), frame.column_of(k), [&](std::size_t n) {
+        const bool is_next = labels[n] == kNoLabel && is_seen[n] == 0 && frame.is_usable(n);
+        if (!is_next || std::abs(range[n] - range[k]) > limit) { return; }
+        is_seen[n] = 1;
+        pixels.push_back(n);
+      });
+    }
+    if (pixels.size() < min_pixels) { continue; }
+    std::sort(pixels.begin(), pixels.end());
+    components.push_back(pixels);
   }
+  return components;
+}
+
+void split_leftovers(const SegmentFrame& frame, std::vector<Region>& regions, Labels& labels) {
+  LeftoverSplitter splitter(frame, regions, labels);
+  for (std::vector<std::size_t>& component : free_components(frame, labels, kMinPoints)) { splitter.visit(component); }
 }
 
 }  // namespace rosid::mapping

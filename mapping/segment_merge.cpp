@@ -191,9 +191,10 @@ class SeedGrowth {
 void add_edges_over_gaps(const RasterTopology& topology, const Labels& labels, EdgeSet& edges) {
   const int columns = topology.columns();
   const auto width = static_cast<std::size_t>(columns);
+  const int reach = std::min(kMaxGap + 1, topology.lines() - 1);
   for (int i = 0; i < topology.lines(); ++i) {
     const std::int32_t* here = labels.data() + topology.index(i, 0);
-    const int deepest = std::min(kMaxGap + 1, topology.lines() - 1 - i);
+    const bool is_near_end = i + reach >= topology.lines();
     for (int j = 0; j < columns; ++j) {
       const std::int32_t own = here[j];
       if (own == kNoLabel) { continue; }
@@ -201,14 +202,77 @@ void add_edges_over_gaps(const RasterTopology& topology, const Labels& labels, E
         const int farthest = std::min(kMaxGap + 1, columns - 1 - j);
         for (int step = 2; step <= farthest; ++step) { edges.add(own, here[j + step]); }
       }
-      if (deepest > 0 && here[static_cast<std::size_t>(j) + width] != own) {
-        for (int step = 2; step <= deepest; ++step) {
+      if (is_near_end) {
+        for (int step = 2; step <= reach; ++step) {
+          const RasterStep to = topology.at(i + step, j);
+          if (to.is_inside) { edges.add(own, labels[topology.index(to.i, to.j)]); }
+        }
+      } else if (here[static_cast<std::size_t>(j) + width] != own) {
+        for (int step = 2; step <= reach; ++step) {
           edges.add(own, here[static_cast<std::size_t>(j) + (static_cast<std::size_t>(step) * width)]);
         }
       }
     }
   }
 }
+
+/// Pairs of regions that lie one behind the other's gap along a line or column of the raster, with nothing but nearer
+/// things or nothing at all between them: parts of one surface beyond something that hides it.
+class HiddenEdges {
+ public:
+  HiddenEdges(const SegmentFrame& frame, const std::vector<Region>& regions, const Labels& labels, EdgeSet& edges)
+      : frame_(frame), regions_(regions), labels_(labels), edges_(edges) {}
+
+  void run() {
+    constexpr int kStride = 2;  // nothing worth it is thinner
+    const int lines = frame_.topology().lines();
+    const int columns = frame_.topology().columns();
+    for (int i = 0; i < lines; i += kStride) { walk(frame_.topology().index(i, 0), 1, columns); }
+    for (int j = 0; j < columns; j += kStride) {
+      walk(frame_.topology().index(0, j), static_cast<std::size_t>(columns), lines);
+    }
+  }
+
+ private:
+  struct Seen {
+    std::int32_t label = kNoLabel;
+    std::size_t last = 0;  ///< its last pixel
+  };
+
+  void walk(std::size_t start, std::size_t step, int count) {
+    std::array<Seen, 3> seen{};  // latest first
+    for (std::size_t n = 0, k = start; n < static_cast<std::size_t>(count); ++n, k += step) {
+      const std::int32_t label = labels_[k];
+      if (label == kNoLabel) { continue; }
+      if (label != seen[0].label) {
+        for (const Seen& before : seen) {
+          if (before.label == kNoLabel || before.label == label) { break; }
+          if (is_hidden(before, k, step)) { edges_.add(before.label, label); }
+        }
+        std::rotate(seen.begin(), seen.end() - 1, seen.end());
+        seen[0].label = label;
+      }
+      seen[0].last = k;
+    }
+  }
+
+  /// Looks at three pixels in between.
+  bool is_hidden(const Seen& before, std::size_t k, std::size_t step) const {
+    const std::size_t gap = (k - before.last) / step;
+    const QuickPlane& plane = regions_[static_cast<std::size_t>(before.label)].plane;
+    for (std::size_t quarter = 1; quarter <= 3; ++quarter) {
+      const std::size_t between = before.last + (quarter * gap / 4 * step);
+      if (between == before.last || !frame_.is_usable(between)) { continue; }
+      if (plane.distance(frame_.point(between)) < 0.0) { return false; }
+    }
+    return true;
+  }
+
+  const SegmentFrame& frame_;
+  const std::vector<Region>& regions_;
+  const Labels& labels_;
+  EdgeSet& edges_;
+};
 
 EdgeSet touching_edges(const SegmentFrame& frame, const Labels& labels) {
   EdgeSet edges;
@@ -249,6 +313,12 @@ EdgeSet touching_edges(const SegmentFrame& frame, const Labels& labels) {
   return edges;
 }
 
+EdgeSet near_edges(const SegmentFrame& frame, const Labels& labels) {
+  EdgeSet edges = touching_edges(frame, labels);
+  add_edges_over_gaps(frame.topology(), labels, edges);
+  return edges;
+}
+
 }  // namespace
 
 Edges find_edges(const SegmentFrame& frame, const Labels& labels) {
@@ -256,9 +326,7 @@ Edges find_edges(const SegmentFrame& frame, const Labels& labels) {
 }
 
 Edges find_near_edges(const SegmentFrame& frame, const Labels& labels) {
-  EdgeSet edges = touching_edges(frame, labels);
-  add_edges_over_gaps(frame.topology(), labels, edges);
-  return edges.sorted();
+  return near_edges(frame, labels).sorted();
 }
 
 void merge_facets(const SegmentFrame& frame, const SegmenterConfig& config, const std::vector<Region>& facets,
@@ -290,7 +358,9 @@ Edges merge_regions(const SegmentFrame& frame, const SegmenterConfig& config, st
     while (target[static_cast<std::size_t>(r)] != r) { r = target[static_cast<std::size_t>(r)]; }
     return r;
   };
-  Edges edges = find_near_edges(frame, labels);
+  EdgeSet near = near_edges(frame, labels);
+  HiddenEdges(frame, regions, labels, near).run();
+  Edges edges = near.sorted();
   // Pairs of large regions first: they decide with the least doubt.
   const auto weight = [&regions](const Edges::value_type& e) {
     return std::min(regions[static_cast<std::size_t>(e.first)].moments.count,

@@ -18,13 +18,18 @@ struct Region {
   QuickPlane plane;
   double own_variance = 0.0;     ///< mean over its points, of the distance from its plane
   double common_variance = 0.0;  ///< the part that does not average out over the points of a line
+  double range_variance = 0.0;   ///< along the rays
   bool is_alive = true;
   bool is_new = true;  ///< since the pixels were last assigned
 
   double variance() const { return own_variance + common_variance; }
-  /// Standard deviation of the plane's direction about its weaker axis.
+  /// Standard deviation of the plane's direction about its weaker axis. Large where the points reach no farther than
+  /// the noise along their rays does: about the pole, where lines meet.
   double direction_sigma() const;
 };
+
+/// Is the region known to face another way than the normal?
+bool faces_away(const Region& region, const Vec3& normal);
 
 /// Could the points lie on their plane, given the noise at some of them? Sets the region's variances.
 bool is_planar(const SegmentFrame& frame, std::span<const SegmentFrame::Noise* const> samples, Region& region);
@@ -46,8 +51,13 @@ struct Facets {
 /// planar or single blocks; blocks that are not planar stay without label (transparent). O(blocks log blocks).
 void split(const SegmentFrame& frame, const BlockGrid& grid, Facets& facets, Labels& labels);
 
-/// New regions from the pixels of blocks that still belong to nothing, where these are planar among themselves.
-void split_leftovers(const SegmentFrame& frame, const BlockGrid& grid, std::vector<Region>& regions, Labels& labels);
+/// Usable pixels without a label that hang together without a jump in range, at least so many; each in raster order.
+std::vector<std::vector<std::size_t>> free_components(const SegmentFrame& frame, const Labels& labels,
+                                                      std::size_t min_pixels);
+
+/// New regions from pixels that still belong to nothing: surfaces too narrow to fill a block. Components are split
+/// until their parts are planar. O(n log n) of these pixels.
+void split_leftovers(const SegmentFrame& frame, std::vector<Region>& regions, Labels& labels);
 
 /// Merges facets into regions, largest seeds first. `labels` changes from facets to regions.
 void merge_facets(const SegmentFrame& frame, const SegmenterConfig& config, const std::vector<Region>& facets,

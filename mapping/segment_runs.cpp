@@ -59,20 +59,19 @@ std::int32_t RunList::root(std::int32_t r) {
   return r;
 }
 
-void RunList::join(std::int32_t a, std::int32_t b) {
-  a = root(a);
-  b = root(b);
-  owner_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+void RunList::join(std::size_t a, std::size_t b) {
+  if (label_[a] != label_[b]) { return; }
+  const std::int32_t top_a = root(static_cast<std::int32_t>(a));
+  const std::int32_t top_b = root(static_cast<std::int32_t>(b));
+  owner_[static_cast<std::size_t>(std::max(top_a, top_b))] = std::min(top_a, top_b);
 }
 
-void RunList::join_lines(const SegmentFrame& frame, int apart) {
-  const auto step = static_cast<std::size_t>(apart);
-  for (std::size_t i = 0; i + step < static_cast<std::size_t>(frame.image().lines); ++i) {
+void RunList::join_lines(const SegmentFrame& frame) {
+  for (std::size_t i = 0; i + 1 < static_cast<std::size_t>(frame.image().lines); ++i) {
     std::size_t a = line_start_[i];
-    std::size_t b = line_start_[i + step];
-    while (a < line_start_[i + 1] && b < line_start_[i + step + 1]) {
-      const bool overlap = all_[a].j0 < all_[b].j1 && all_[b].j0 < all_[a].j1;
-      if (overlap) { join_large(a, b); }
+    std::size_t b = line_start_[i + 1];
+    while (a < line_start_[i + 1] && b < line_start_[i + 2]) {
+      if (all_[a].j0 < all_[b].j1 && all_[b].j0 < all_[a].j1) { join(a, b); }
       if (all_[a].j1 < all_[b].j1) {
         ++a;
       } else {
@@ -82,90 +81,49 @@ void RunList::join_lines(const SegmentFrame& frame, int apart) {
   }
 }
 
-void RunList::join_over_gaps(const SegmentFrame& frame, const Rule& rule) {
-  std::vector<int> pixels(all_.size(), 0);
-  for (std::size_t r = 0; r < all_.size(); ++r) {
-    pixels[static_cast<std::size_t>(root(static_cast<std::int32_t>(r)))] += all_[r].pixels();
-  }
-  is_large_.resize(all_.size());
-  for (std::size_t r = 0; r < all_.size(); ++r) {
-    const int part = pixels[static_cast<std::size_t>(root(static_cast<std::int32_t>(r)))];
-    is_large_[r] = part >= rule.min_part ? 1 : 0;
-  }
-  for (std::size_t a = 0; a < all_.size(); ++a) {
-    for (std::size_t b = a + 1; b < all_.size(); ++b) {
-      if (all_[b].line != all_[a].line || all_[b].j0 - all_[a].j1 > rule.max_gap) { break; }
-      join_large(a, b);
-    }
-  }
-  for (int apart = 2; apart <= rule.max_gap + 1; ++apart) { join_lines(frame, apart); }
-}
-
-void RunList::join_large(std::size_t a, std::size_t b) {
-  if (label_[a] != label_[b] || is_large_[a] == 0 || is_large_[b] == 0) { return; }
-  join(static_cast<std::int32_t>(a), static_cast<std::int32_t>(b));
-}
-
-void RunList::join_seam(const SegmentFrame& frame, const Labels& labels) {
+void RunList::join_seam(const SegmentFrame& frame) {
   const RasterTopology& topology = frame.topology();
   if (!topology.is_glued()) { return; }
   const int last = topology.lines() - 1;
   for (std::size_t a = line_start_[static_cast<std::size_t>(last)]; a < all_.size(); ++a) {
-    for (int j = all_[a].j0; j < all_[a].j1; ++j) {
-      const RasterStep step = topology.at(last + 1, j);
-      if (!step.is_inside || labels[topology.index(step.i, step.j)] != label_[a]) { continue; }
-      // The run of the first line that holds the column.
-      const auto begin = all_.begin();
-      const auto end = begin + static_cast<std::ptrdiff_t>(line_start_[1]);
-      const auto it = std::upper_bound(begin, end, step.j, [](int column, const Run& run) { return column < run.j1; });
-      join(static_cast<std::int32_t>(a), static_cast<std::int32_t>(it - begin));
+    // Where the run's ends come to lie; they may have changed places.
+    const int begin = topology.at(last + 1, all_[a].j0).j;
+    const int end = topology.at(last + 1, all_[a].j1 - 1).j;
+    for (std::size_t b = 0; b < line_start_[1]; ++b) {
+      if (std::min(begin, end) < all_[b].j1 && all_[b].j0 <= std::max(begin, end)) { join(a, b); }
     }
   }
 }
 
-void RunList::from_components(const SegmentFrame& frame, const Labels& labels, const Rule& rule) {
+void RunList::from_components(const SegmentFrame& frame, const Labels& labels) {
   find_runs(frame, labels);
   owner_.resize(all_.size());
   std::iota(owner_.begin(), owner_.end(), 0);
-  is_large_.assign(all_.size(), 1);
-  join_lines(frame, 1);
-  join_seam(frame, labels);
-  if (rule.max_gap > 0) { join_over_gaps(frame, rule); }
-  struct Component {
-    std::int32_t root = 0;
-    int pixels = 0;
-    int lines = 0;
-    int last_line = -1;
-  };
-  std::vector<Component> components;
-  std::vector<std::int32_t> number(all_.size(), kNoLabel);
+  join_lines(frame);
+  join_seam(frame);
+  // A group's root is its first run.
+  std::vector<int> pixels(all_.size(), 0);
+  std::vector<std::int32_t> roots;
   for (std::size_t r = 0; r < all_.size(); ++r) {
     const std::int32_t top = root(static_cast<std::int32_t>(r));
-    std::int32_t& n = number[static_cast<std::size_t>(top)];
-    if (n == kNoLabel) {
-      n = static_cast<std::int32_t>(components.size());
-      components.push_back({top, 0, 0, -1});
-    }
-    Component& c = components[static_cast<std::size_t>(n)];
-    c.pixels += all_[r].pixels();
-    c.lines += c.last_line != all_[r].line ? 1 : 0;
-    c.last_line = all_[r].line;
+    if (top == static_cast<std::int32_t>(r)) { roots.push_back(top); }
+    pixels[static_cast<std::size_t>(top)] += all_[r].pixels();
   }
-  std::erase_if(components, [&](const Component& c) { return c.pixels < rule.min_pixels || c.lines < rule.min_lines; });
-  std::stable_sort(components.begin(), components.end(),
-                   [](const Component& a, const Component& b) { return a.pixels > b.pixels; });
-  std::fill(number.begin(), number.end(), kNoLabel);
+  std::stable_sort(roots.begin(), roots.end(), [&pixels](std::int32_t a, std::int32_t b) {
+    return pixels[static_cast<std::size_t>(a)] > pixels[static_cast<std::size_t>(b)];
+  });
+  std::vector<std::int32_t> number(all_.size(), kNoLabel);
   region_of_.clear();
-  for (std::size_t c = 0; c < components.size(); ++c) {
-    number[static_cast<std::size_t>(components[c].root)] = static_cast<std::int32_t>(c);
-    region_of_.push_back(label_[static_cast<std::size_t>(components[c].root)]);
+  for (const std::int32_t top : roots) {
+    number[static_cast<std::size_t>(top)] = static_cast<std::int32_t>(region_of_.size());
+    region_of_.push_back(label_[static_cast<std::size_t>(top)]);
   }
-  std::vector<std::int32_t> group_of(all_.size());
   for (std::size_t r = 0; r < all_.size(); ++r) {
-    group_of[r] = number[static_cast<std::size_t>(root(static_cast<std::int32_t>(r)))];
+    const auto top = static_cast<std::size_t>(root(static_cast<std::int32_t>(r)));
+    if (top != r) { number[r] = number[top]; }
   }
-  owner_ = std::move(group_of);
-  group(components.size());
+  owner_ = std::move(number);
+  group(region_of_.size());
 }
 
 }  // namespace rosid::mapping

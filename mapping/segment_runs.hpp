@@ -22,16 +22,9 @@ class RunList {
  public:
   /// Groups are the labels 0 ... count - 1, whatever touches.
   void from_labels(const SegmentFrame& frame, const Labels& labels, std::size_t count);
-  /// What a component of equal label must be.
-  struct Rule {
-    int min_pixels = 1;
-    int min_lines = 1;
-    int max_gap = 0;   ///< its parts may lie so many pixels apart along a line or column
-    int min_part = 1;  ///< ... when each of them has so many pixels
-  };
-  /// Groups are 4-connected components of equal label, largest first. Sets `region_of` to each group's label.
-  /// O(pixels).
-  void from_components(const SegmentFrame& frame, const Labels& labels, const Rule& rule);
+  /// Groups are 4-connected components of equal label, over the seam as well, largest first. Sets `region_of` to each
+  /// group's label. O(pixels).
+  void from_components(const SegmentFrame& frame, const Labels& labels);
 
   std::size_t size() const { return group_.empty() ? 0 : group_.size() - 1; }
   std::span<const Run> operator[](std::size_t group) const {
@@ -42,19 +35,17 @@ class RunList {
 
  private:
   void find_runs(const SegmentFrame& frame, const Labels& labels);
-  void join_lines(const SegmentFrame& frame, int apart);
-  void join_over_gaps(const SegmentFrame& frame, const Rule& rule);
-  void join_large(std::size_t a, std::size_t b);
-  void join_seam(const SegmentFrame& frame, const Labels& labels);
+  void join_lines(const SegmentFrame& frame);
+  void join_seam(const SegmentFrame& frame);
   std::int32_t root(std::int32_t r);
-  void join(std::int32_t a, std::int32_t b);
+  /// Joins the groups of two runs of equal label.
+  void join(std::size_t a, std::size_t b);
   /// Sorts all_ into groups; owner_[r] is the group of run r or kNoLabel.
   void group(std::size_t count);
 
   std::vector<Run> all_;  ///< raster order
   std::vector<std::int32_t> label_;
   std::vector<std::int32_t> owner_;
-  std::vector<std::uint8_t> is_large_;  ///< run belongs to a part that may be joined over a gap
   std::vector<std::size_t> line_start_;
   std::vector<Run> run_;
   std::vector<std::size_t> group_;

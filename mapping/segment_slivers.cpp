@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -10,17 +9,40 @@ namespace {
 
 constexpr double kLargest = 1000.0;  ///< pixels; nothing larger is a sliver
 constexpr double kExplainedShare = 0.8;
-constexpr double kJoin = 3.0;  ///< standard deviations up to which a surface explains a pixel
-constexpr double kFacing = 0.866;
-constexpr double kSettled_rad = 0.15;
+constexpr double kJoin = 3.0;        ///< standard deviations up to which a surface explains a pixel
+constexpr double kFarthest2 = 25.0;  ///< lest single pixels decide
 /// A region whose direction is noisier than this will not be a patch.
 constexpr double kMaxDirectionSigma_rad = 0.08;
 
 /// A larger neighbour of a small region.
 struct Rival {
   const Region* region = nullptr;
-  double gate2 = 0.0;  ///< square of the distance up to which it explains a pixel
+  double variance = 0.0;  ///< of the distance of a pixel of the small region from it
+  bool is_away = false;   ///< the small region faces another way
 };
+
+/// Most pixels lie within the noise of a rival that faces the same way, or all together are no farther from any of the
+/// rivals than noise alone would put them.
+bool are_explained(const SegmentFrame& frame, const std::vector<std::size_t>& pixels,
+                   const std::vector<Rival>& rivals) {
+  int explained = 0;
+  double sum = 0.0;
+  for (const std::size_t k : pixels) {
+    const Vec3 x = frame.point(k);
+    double least = kFarthest2;
+    bool is_explained = false;
+    for (const Rival& rival : rivals) {
+      const double e = rival.region->plane.distance(x);
+      const double z2 = e * e / rival.variance;
+      least = std::min(least, z2);
+      is_explained = is_explained || (z2 <= kJoin * kJoin && !rival.is_away);
+    }
+    explained += is_explained ? 1 : 0;
+    sum += least;
+  }
+  const auto count = static_cast<double>(pixels.size());
+  return explained >= kExplainedShare * count || sum <= count;
+}
 
 }  // namespace
 
@@ -50,21 +72,12 @@ void dissolve_slivers(const SegmentFrame& frame, const Edges& edges, std::vector
     rivals.clear();
     for (const std::int32_t other : larger[static_cast<std::size_t>(r)]) {
       const Region& rival = regions[static_cast<std::size_t>(other)];
-      const bool faces_away =
-          region.direction_sigma() < kSettled_rad && region.plane.normal.dot(rival.plane.normal) < kFacing;
-      if (!rival.is_alive || faces_away) { continue; }
+      if (!rival.is_alive) { continue; }
       const double variance =
           frame.variance(pixels[pixels.size() / 2], rival.plane.normal).total() + frame.flatness_variance();
-      rivals.push_back({&rival, kJoin * kJoin * variance});
+      rivals.push_back({&rival, variance, faces_away(region, rival.plane.normal)});
     }
-    const auto explained = std::count_if(pixels.begin(), pixels.end(), [&](std::size_t k) {
-      const Vec3 x = frame.point(k);
-      return std::any_of(rivals.begin(), rivals.end(), [&x](const Rival& rival) {
-        const double e = rival.region->plane.distance(x);
-        return e * e <= rival.gate2;
-      });
-    });
-    if (static_cast<double>(explained) < kExplainedShare * static_cast<double>(pixels.size())) { continue; }
+    if (!are_explained(frame, pixels, rivals)) { continue; }
     region.is_alive = false;
     for (const std::size_t k : pixels) { labels[k] = kNoLabel; }
   }

@@ -188,13 +188,8 @@ void Splitter::keep(const Node& node, const Region& region) {
   for (int row = node.r0; row < node.r1; ++row) {
     for (int column = node.c0; column < node.c1; ++column) {
       facets_.of_block[static_cast<std::size_t>(grid_.index(row, column))] = id;
-      const PixelBox box = grid_.box(row, column);
-      for (int i = box.i0; i < box.i1; ++i) {
-        const std::size_t begin = frame_.image().index(i, box.j0);
-        for (std::size_t k = begin; k < begin + static_cast<std::size_t>(box.j1 - box.j0); ++k) {
-          labels_[k] = frame_.is_usable(k) ? id : kNoLabel;
-        }
-      }
+      for_each_pixel(frame_, grid_.box(row, column),
+                     [&](std::size_t k) { labels_[k] = frame_.is_usable(k) ? id : kNoLabel; });
     }
   }
 }
@@ -202,7 +197,21 @@ void Splitter::keep(const Node& node, const Region& region) {
 }  // namespace
 
 double Region::direction_sigma() const {
-  return std::sqrt(variance() / std::max(plane.lambda[1], 1e-12));
+  // What the noise along the rays adds to the extent in the plane is no lever arm.
+  const Vec3 ray = plane.centroid.normalized();
+  const double added = plane.count * range_variance;
+  const double u2 = ray.dot(plane.e2);
+  const double u3 = ray.dot(plane.e3);
+  const double a = plane.lambda[1] - (added * u2 * u2);
+  const double b = plane.lambda[2] - (added * u3 * u3);
+  const double weaker = (0.5 * (a + b)) - std::hypot(0.5 * (a - b), added * u2 * u3);
+  return std::sqrt(variance() / std::max(weaker, 1e-12));
+}
+
+bool faces_away(const Region& region, const Vec3& normal) {
+  constexpr double kSettled_rad = 0.15;
+  constexpr double kFacing = 0.866;  // cosine of 30 degrees
+  return region.direction_sigma() < kSettled_rad && region.plane.normal.dot(normal) < kFacing;
 }
 
 bool is_planar(const SegmentFrame& frame, std::span<const SegmentFrame::Noise* const> samples, Region& region) {
@@ -216,6 +225,7 @@ bool is_planar(const SegmentFrame& frame, std::span<const SegmentFrame::Noise* c
   }
   region.own_variance /= static_cast<double>(samples.size());
   region.common_variance /= static_cast<double>(samples.size());
+  region.range_variance = frame.range_sigma() * frame.range_sigma();
   const double dof = plane.count - 3.0;
   const double expected = region.variance() + frame.flatness_variance();
   return plane.lambda[0] <= dof * expected * (1.0 + (3.0 * std::sqrt(2.0 / dof)));

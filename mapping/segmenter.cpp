@@ -10,6 +10,7 @@
 #include "mapping/plane_fit.hpp"
 #include "mapping/segment_assign.hpp"
 #include "mapping/segment_cylinder.hpp"
+#include "mapping/segment_parts.hpp"
 #include "mapping/segment_regions.hpp"
 #include "mapping/segment_runs.hpp"
 
@@ -31,8 +32,6 @@ constexpr double kMaxBowShare = 0.3;
 /// A bow of this radius or more is the sensor's systematic error, not a vessel's wall, while the vehicle stands.
 constexpr double kFlatRadius_m = 4.0;
 constexpr int kRefinements = 2;
-/// What a plane cuts out of other surfaces is thin; parts of a surface on both sides of a gap are not.
-constexpr int kMinPart = 3;
 
 /// Sizes of a part to those of the whole patch.
 void add_outline(const PatchOutline& part, PatchOutline& whole) {
@@ -47,11 +46,14 @@ struct Segmenter::Impl {
   Impl(const SegmenterConfig& config_in, const Calibration& calibration) : config(config_in), frame(calibration) {}
 
   void find_regions();
-  void fit_components();
+  /// Groups that may become patches, largest first.
+  std::vector<std::size_t> by_size() const;
+  void fit_groups();
   bool is_surface(const PlaneFit& fit) const;
-  static bool is_bent_surface(PlaneFit& fit);
-  QuickPlane start_plane(std::size_t component) const;
-  std::optional<CylinderFit> refit_cylinder(std::size_t component, const Cylinder& start) const;
+  /// A large surface that is bent a little passes, with its bend as an error; false for others.
+  static bool accept_as_bent(PlaneFit& fit);
+  QuickPlane start_plane(std::size_t group) const;
+  std::optional<CylinderFit> refit_cylinder(std::size_t group, const Cylinder& start) const;
   bool find_patches(const RangeImage& image, SurfaceView& view);
   void label_patches(SurfaceView& view);
   void outline_patches(SurfaceView& view);
@@ -63,7 +65,7 @@ struct Segmenter::Impl {
   std::vector<Region> regions;
   Labels labels;
   PixelAssigner assigner{frame, grid, facets};
-  RunList components;
+  RunList groups;
   RunList outlines;
   PlaneFitter fitter{frame};
   std::vector<std::size_t> kept;                ///< component of each patch
@@ -85,13 +87,14 @@ void Segmenter::Impl::find_regions() {
   assigner.begin();
   for (int pass = 0; pass < kRefinements; ++pass) {
     assigner.assign(regions, labels);
-    if (pass == 0) { split_leftovers(frame, grid, regions, labels); }
+    if (pass == 0) { split_leftovers(frame, regions, labels); }
     refit(frame, grid, regions, labels);
     const Edges edges = merge_regions(frame, config, regions, labels);
     dissolve_slivers(frame, edges, regions, labels);
   }
   dissolve_doubtful(config, regions, labels);
   assigner.assign(regions, labels);
+  separate_parts(frame, config, regions, labels, groups);
   find_cylinders(frame, regions, labels, cylinders);
 }
 
@@ -105,22 +108,34 @@ bool Segmenter::Impl::is_surface(const PlaneFit& fit) const {
          fit.area_m2 >= config.min_patch_area_m2;
 }
 
-void Segmenter::Impl::fit_components() {
-  components.from_components(
-      frame, labels, {config.min_patch_pixels, config.min_patch_lines, kMaxGap, kMinPart * config.min_patch_pixels});
+std::vector<std::size_t> Segmenter::Impl::by_size() const {
+  std::vector<std::size_t> order;
+  for (std::size_t c = 0; c < groups.size(); ++c) {
+    if (groups.pixels(c) < config.min_patch_pixels) { continue; }
+    const std::span<const Run> runs = groups[c];
+    int lines = 1;
+    for (std::size_t r = 1; r < runs.size(); ++r) { lines += runs[r].line != runs[r - 1].line ? 1 : 0; }
+    if (lines >= config.min_patch_lines) { order.push_back(c); }
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [this](std::size_t a, std::size_t b) { return groups.pixels(a) > groups.pixels(b); });
   constexpr std::size_t kMaxPatches = std::numeric_limits<std::uint16_t>::max();
-  const std::size_t count = std::min(components.size(), kMaxPatches);
+  order.resize(std::min(order.size(), kMaxPatches));
+  return order;
+}
+
+void Segmenter::Impl::fit_groups() {
+  groups.from_labels(frame, labels, regions.size() + cylinders.size());
   kept.clear();
   fits.clear();
   rounds.clear();
   PlaneFit fit;
-  for (std::size_t c = 0; c < count; ++c) {
-    const auto region = static_cast<std::size_t>(components.region_of(c));
-    const bool is_round = region >= regions.size();
-    if (!fitter.fit(components[c], start_plane(c), fit)) { continue; }
+  for (const std::size_t c : by_size()) {
+    const bool is_round = c >= regions.size();
+    if (!fitter.fit(groups[c], start_plane(c), fit)) { continue; }
     std::optional<CylinderFit> round;
-    if (is_round) { round = refit_cylinder(c, cylinders[region - regions.size()].cylinder); }
-    if (is_round ? !round || fit.area_m2 < config.min_patch_area_m2 : !is_surface(fit) && !is_bent_surface(fit)) {
+    if (is_round) { round = refit_cylinder(c, cylinders[c - regions.size()].cylinder); }
+    if (is_round ? !round || fit.area_m2 < config.min_patch_area_m2 : !is_surface(fit) && !accept_as_bent(fit)) {
       continue;
     }
     if (round) { fit.rms_m = round->rms_m; }
@@ -130,9 +145,9 @@ void Segmenter::Impl::fit_components() {
   }
 }
 
-std::optional<CylinderFit> Segmenter::Impl::refit_cylinder(std::size_t component, const Cylinder& start) const {
+std::optional<CylinderFit> Segmenter::Impl::refit_cylinder(std::size_t group, const Cylinder& start) const {
   std::vector<std::size_t> pixels;
-  for (const Run& run : components[component]) {
+  for (const Run& run : groups[group]) {
     for (int j = run.j0; j < run.j1; ++j) { pixels.push_back(frame.image().index(run.line, j)); }
   }
   CylinderFit fit;
@@ -142,7 +157,7 @@ std::optional<CylinderFit> Segmenter::Impl::refit_cylinder(std::size_t component
   return fit.cylinder.covariance.allFinite() ? std::optional(fit) : std::nullopt;
 }
 
-bool Segmenter::Impl::is_bent_surface(PlaneFit& fit) {
+bool Segmenter::Impl::accept_as_bent(PlaneFit& fit) {
   if (fit.pixels <= kLarge || fit.roughness > kMaxRoughnessLarge || fit.curvature_per_m * kFlatRadius_m > 1.0) {
     return false;
   }
@@ -155,24 +170,20 @@ bool Segmenter::Impl::is_bent_surface(PlaneFit& fit) {
   return true;
 }
 
-QuickPlane Segmenter::Impl::start_plane(std::size_t component) const {
-  // The region's plane, unless the component is but a part of it.
-  const auto region = static_cast<std::size_t>(components.region_of(component));
-  if (region < regions.size() && components.pixels(component) > 0.9 * regions[region].moments.count) {
-    return regions[region].plane;
+QuickPlane Segmenter::Impl::start_plane(std::size_t group) const {
+  // The region's plane, unless much has changed since.
+  constexpr double kMost = 0.9;
+  if (group < regions.size() && groups.pixels(group) > kMost * regions[group].moments.count) {
+    return regions[group].plane;
   }
-  Moments moments;
-  for (const Run& run : components[component]) {
-    for (int j = run.j0; j < run.j1; ++j) { moments.add(frame.point(frame.image().index(run.line, j))); }
-  }
-  return fit_quick(moments);
+  return fit_quick(moments_of(frame, groups[group]));
 }
 
 void Segmenter::Impl::label_patches(SurfaceView& view) {
   labels.assign(labels.size(), kNoLabel);
   view.patches.reserve(kept.size());
   for (std::size_t c = 0; c < kept.size(); ++c) {
-    for (const Run& run : components[kept[c]]) {
+    for (const Run& run : groups[kept[c]]) {
       const std::size_t begin = frame.image().index(run.line, run.j0);
       const auto count = static_cast<std::size_t>(run.pixels());
       std::fill_n(labels.begin() + static_cast<std::ptrdiff_t>(begin), count, static_cast<std::int32_t>(c));
@@ -183,7 +194,7 @@ void Segmenter::Impl::label_patches(SurfaceView& view) {
     patch.plane = fits[c].plane;
     patch.motion = fits[c].motion;
     patch.cylinder = rounds[c];
-    patch.attributes.pixel_count = components.pixels(kept[c]);
+    patch.attributes.pixel_count = groups.pixels(kept[c]);
   }
 }
 
@@ -199,7 +210,7 @@ void Segmenter::Impl::outline_patches(SurfaceView& view) {
   }
   fill_small_holes(frame, planes, labels);
   // A patch has one outline for each of its connected parts.
-  outlines.from_components(frame, labels, {});
+  outlines.from_components(frame, labels);
   std::vector<PatchOutline> whole(view.patches.size());
   BoundaryTracer tracer(frame, labels, planes);
   std::vector<SharedBorder> borders;
@@ -233,7 +244,7 @@ bool Segmenter::Impl::find_patches(const RangeImage& image, SurfaceView& view) {
   view.labels.assign(image.size(), 0);
   view.valid_pixels = frame.valid_count();
   find_regions();
-  fit_components();
+  fit_groups();
   label_patches(view);
   return true;
 }

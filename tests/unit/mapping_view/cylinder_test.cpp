@@ -26,32 +26,7 @@ Look noisy_look(int lines, int columns) {
   look.lines = lines;
   look.columns = columns;
   look.step_rad = rad_from_deg(100.0) / (columns - 1);
-  look.deflection_sigma_rad = 0.0009;
-  look.turret_sigma_rad = 0.0009;
-  return look;
-}
-
-struct Found {
-  int pixels = 0;
-  double share = 0.0;
-  const Patch* patch = nullptr;
-};
-Found find_pipe(const SurfaceView& view, const Picture& picture) {
-  std::map<std::uint16_t, int> counts;
-  Found found;
-  for (std::size_t k = 0; k < view.labels.size(); ++k) {
-    if (picture.truth[k] != kPipe) { continue; }
-    ++found.pixels;
-    if (view.labels[k] != 0) { ++counts[view.labels[k]]; }
-  }
-  for (const auto& [label, count] : counts) {
-    const double share = static_cast<double>(count) / found.pixels;
-    if (share > found.share) {
-      found.share = share;
-      found.patch = &view.patches[label - 1U];
-    }
-  }
-  return found;
+  return test::with_angle_noise(look);
 }
 
 struct Pipe {
@@ -72,7 +47,7 @@ TEST_P(RoundPatch, IsOnePatchWithItsRadius) {
     look.seed = seed;
     const Picture picture = look_at(scene, look, {});
     const SurfaceView view = Segmenter(SegmenterConfig{}, Calibration{}).segment(picture.image);
-    const Found found = find_pipe(view, picture);
+    const test::Found found = test::find_surface(view, picture, kPipe);
     ASSERT_GT(found.pixels, 300);
     ASSERT_NE(found.patch, nullptr);
     EXPECT_GT(found.share, 0.8) << seed;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "base/units.hpp"
 
@@ -95,6 +96,31 @@ Picture look_at(const Scene& scene, const Look& look, const Calibration& calibra
     }
   }
   return picture;
+}
+
+Look with_angle_noise(Look look) {
+  look.deflection_sigma_rad = 0.0009;
+  look.turret_sigma_rad = 0.0009;
+  return look;
+}
+
+Found find_surface(const SurfaceView& view, const Picture& picture, int surface) {
+  std::map<std::uint16_t, int> counts;
+  Found found;
+  for (std::size_t k = 0; k < view.labels.size(); ++k) {
+    if (picture.truth[k] != surface) { continue; }
+    ++found.pixels;
+    if (view.labels[k] != 0) { ++counts[view.labels[k]]; }
+  }
+  for (const auto& [label, count] : counts) {
+    const double share = static_cast<double>(count) / found.pixels;
+    if (share >= 0.01) { ++found.patches; }
+    if (share > found.share) {
+      found.share = share;
+      found.patch = &view.patches[label - 1U];
+    }
+  }
+  return found;
 }
 
 }  // namespace rosid::mapping::test

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/calibration.hpp"
+#include "mapping/patch.hpp"
 #include "mapping/range_image.hpp"
 
 namespace rosid::mapping::test {
@@ -60,5 +61,17 @@ struct Picture {
 
 /// Half a turn of a scanner at rest, mounted as the calibration says. Points carry the noise; rays do not.
 Picture look_at(const Scene& scene, const Look& look, const Calibration& calibration);
+
+/// The same look with the noise of turret and deflection that the calibration tells.
+Look with_angle_noise(Look look);
+
+/// What became of a true surface.
+struct Found {
+  int pixels = 0;      ///< with a return
+  int patches = 0;     ///< that hold at least a hundredth of them
+  double share = 0.0;  ///< of them in the patch that holds most
+  const Patch* patch = nullptr;
+};
+Found find_surface(const SurfaceView& view, const Picture& picture, int surface);
 
 }  // namespace rosid::mapping::test

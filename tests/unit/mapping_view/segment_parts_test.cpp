@@ -1,5 +1,7 @@
 // The segmenter's tools, each against a plainer way to the same result.
 
+#include "mapping/segment_parts.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -112,7 +114,7 @@ TEST_F(Runs, ComponentsHoldTogetherOverTheSeam) {
   paint(36, 40, 20, 25, 3);
   paint(0, 4, 6, 11, 3);  // the same columns, flipped
   paint(10, 12, 3, 9, 5);
-  runs.from_components(frame, labels, {});
+  runs.from_components(frame, labels);
   ASSERT_EQ(runs.size(), 2U);
   EXPECT_EQ(runs.pixels(0), 40);
   EXPECT_EQ(runs.region_of(0), 3);
@@ -120,24 +122,60 @@ TEST_F(Runs, ComponentsHoldTogetherOverTheSeam) {
   EXPECT_EQ(runs.region_of(1), 5);
 }
 
-TEST_F(Runs, OnlyLargePartsJoinOverAGap) {
+TEST_F(Runs, ComponentsComeLargestFirst) {
   paint(5, 15, 2, 8, 1);
-  paint(5, 15, 11, 17, 1);  // three columns away
-  paint(5, 15, 21, 27, 1);  // four columns away
-  paint(18, 20, 2, 8, 1);   // three lines away, but small
-  runs.from_components(frame, labels, {.min_pixels = 1, .min_lines = 1, .max_gap = 3, .min_part = 30});
+  paint(5, 15, 11, 18, 1);  // of the same label, but not touching
+  paint(18, 20, 2, 8, 2);
+  runs.from_components(frame, labels);
   ASSERT_EQ(runs.size(), 3U);
-  EXPECT_EQ(runs.pixels(0), 120);
+  EXPECT_EQ(runs.pixels(0), 70);
   EXPECT_EQ(runs.pixels(1), 60);
-  EXPECT_EQ(runs.pixels(2), 12);
+  EXPECT_EQ(runs.region_of(1), 1);
+  EXPECT_EQ(runs.region_of(2), 2);
 }
 
-TEST_F(Runs, SmallComponentsAreLeftOut) {
-  paint(5, 7, 2, 12, 1);
-  paint(20, 30, 2, 4, 2);
-  runs.from_components(frame, labels, {.min_pixels = 20, .min_lines = 3});
-  ASSERT_EQ(runs.size(), 1U);
-  EXPECT_EQ(runs.region_of(0), 2);
+/// A picture of a wall behind a pillar, with regions made of painted labels.
+class Parts : public Runs {
+ protected:
+  void fit_regions(std::size_t count) {
+    regions.resize(count);
+    for (std::size_t k = 0; k < labels.size(); ++k) {
+      if (labels[k] != kNoLabel) { regions[static_cast<std::size_t>(labels[k])].moments.add(frame.point(k)); }
+    }
+    for (Region& region : regions) { region.plane = fit_quick(region.moments); }
+  }
+  std::vector<Region> regions;
+};
+
+TEST_F(Parts, OfOneSurfaceStayTogether) {
+  // On the wall ahead, with columns in between that belong to something else.
+  paint(0, 40, 11, 14, 0);
+  paint(0, 40, 17, 20, 0);
+  fit_regions(1);
+  const Labels before = labels;
+  separate_parts(frame, {}, regions, labels, runs);
+  EXPECT_EQ(labels, before);
+  EXPECT_EQ(regions.size(), 1U);
+}
+
+TEST_F(Parts, OnAnotherSurfaceBecomeTheirOwn) {
+  paint(0, 40, 10, 21, 0);  // ahead
+  paint(8, 14, 0, 5, 0);    // to one side
+  fit_regions(1);
+  separate_parts(frame, {}, regions, labels, runs);
+  ASSERT_EQ(regions.size(), 2U);
+  EXPECT_EQ(labels[picture.image.index(10, 2)], 1);
+  EXPECT_EQ(labels[picture.image.index(10, 15)], 0);
+  EXPECT_EQ(regions[1].moments.count, 30.0);
+}
+
+TEST_F(Parts, TooSmallForAPatchLoseTheirLabel) {
+  paint(0, 40, 10, 21, 0);
+  paint(8, 10, 0, 5, 0);
+  fit_regions(1);
+  separate_parts(frame, {}, regions, labels, runs);
+  EXPECT_EQ(regions.size(), 1U);
+  EXPECT_EQ(labels[picture.image.index(8, 2)], kNoLabel);
 }
 
 TEST(Touching, FindsWhatAllPairsFind) {
