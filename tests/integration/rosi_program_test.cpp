@@ -46,6 +46,7 @@ TEST_F(Rosi, EveryCommandHasHelpWithAnExample) {
                                                                                        {"eval"},
                                                                                        {"export"},
                                                                                        {"segment"},
+                                                                                       {"align"},
                                                                                        {"map"},
                                                                                        {"map", "info"},
                                                                                        {"watch"},
@@ -78,6 +79,7 @@ TEST_F(Rosi, WhatIsMissingIs66AndNamed) {
                                              {"eval", path("none"), "--truth", path("x")},
                                              {"export", path("none"), "--out", path("x")},
                                              {"map", "info", path("none")},
+                                             {"align", path("none")},
                                              {"segment", path("none.pcd")},
                                              {"segment", path("none")},
                                              {"segment", path("none.log")}}) {

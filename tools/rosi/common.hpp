@@ -42,6 +42,7 @@ void register_replay(CLI::App& app, CommandState& state);
 void register_eval(CLI::App& app, CommandState& state);
 void register_export(CLI::App& app, CommandState& state);
 void register_map(CLI::App& app, CommandState& state);
+void register_align(CLI::App& app, CommandState& state);
 void register_segment(CLI::App& app, CommandState& state);
 void register_watch(CLI::App& app, CommandState& state);
 void register_doctor(CLI::App& app, CommandState& state);

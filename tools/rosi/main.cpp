@@ -28,6 +28,7 @@ int run(int argc, char** argv) {
   rosid::rosi::register_export(app, state);
   rosid::rosi::register_map(app, state);
   rosid::rosi::register_segment(app, state);
+  rosid::rosi::register_align(app, state);
   rosid::rosi::register_watch(app, state);
   rosid::rosi::register_doctor(app, state);
   const std::vector<std::string> words(argv, argv + argc);  // NOLINT(cppcoreguidelines-pro-bounds-pointer-arithmetic)

@@ -20,6 +20,13 @@ constexpr float kCarrierRange_m = 0.3F;
 constexpr float kNoReturnRange_m = 32.7F;  // these scanners report a miss as their largest range
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
+double median(std::vector<double> values, double otherwise) {
+  if (values.empty()) { return otherwise; }
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 RangeImage make_raster(Topology topology, int lines, int columns, double step_rad) {
   RangeImage image;
   image.topology = topology;
@@ -75,10 +82,7 @@ double median_step_rad(const RangeImage& image) {
       steps.push_back(std::atan2(static_cast<double>(a.cross(b).norm()), static_cast<double>(a.dot(b))));
     }
   }
-  if (steps.empty()) { return rad_from_deg(1.0); }
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return median(std::move(steps), rad_from_deg(1.0));
 }
 
 void finish(RangeImage& image) {
@@ -95,18 +99,42 @@ RangeImage from_organised(const PointFile& file, double step_rad) {
   return image;
 }
 
+/// Angle of a beam within the plane of a tilting scanner, from right to left.
+double beam_angle_rad(const Eigen::Vector3f& p) {
+  return std::atan2(static_cast<double>(p.y()), static_cast<double>(std::hypot(p.x(), p.z())));
+}
+
+/// A tilting scanner sweeps its beams to one side and starts the next line with a jump back. Beams that were left out
+/// leave gaps in the raster.
 Result<RangeImage> from_3dtk(const std::filesystem::path& path) {
-  auto file = read_3dtk(path);
+  const auto file = read_3dtk(path);
   if (!file) { return tl::unexpected<Error>(file.error()); }
-  // The first beam of each line points right: sideways, with almost nothing forward and up.
-  constexpr int kBeams = 360;
-  if (file->points.size() % kBeams != 0) {
-    return make_error(ErrorCode::Format, fmt::format("'{}': {} points are not whole lines of {} beams", path.string(),
-                                                     file->points.size(), kBeams));
+  std::vector<double> angle;
+  angle.reserve(file->points.size());
+  for (const Eigen::Vector3f& p : file->points) { angle.push_back(beam_angle_rad(p)); }
+  std::vector<double> steps;
+  for (std::size_t k = 1; k < angle.size(); ++k) { steps.push_back(angle[k] - angle[k - 1]); }
+  const double step = median(std::move(steps), 0.0);
+  const auto [least, most] = std::minmax_element(angle.begin(), angle.end());
+  const double columns =
+      std::abs(step) > rad_from_deg(0.02) ? std::round((*most - *least) / std::abs(step)) + 1.0 : 0.0;
+  constexpr double kMostColumns = 4000.0;
+  if (columns < 2.0 || columns > kMostColumns) {
+    return make_error(ErrorCode::Format, fmt::format("'{}' is no scan in lines of beams side by side", path.string()));
   }
-  file->width = kBeams;
-  file->height = static_cast<int>(file->points.size() / kBeams);
-  return from_organised(*file, rad_from_deg(0.5));
+  const double first = step > 0.0 ? *least : *most;
+  std::vector<int> line(angle.size(), 0);
+  for (std::size_t k = 1; k < angle.size(); ++k) {
+    const bool jumps_back = (angle[k] - angle[k - 1]) * (step > 0.0 ? 1.0 : -1.0) < -rad_from_deg(60.0);
+    line[k] = line[k - 1] + (jumps_back ? 1 : 0);
+  }
+  RangeImage image = make_raster(Topology::Rectangle, line.back() + 1, static_cast<int>(columns), std::abs(step));
+  for (std::size_t k = 0; k < angle.size(); ++k) {
+    const int column = static_cast<int>(std::lround((angle[k] - first) / step));
+    set_pixel(image, image.index(line[k], std::clamp(column, 0, image.columns - 1)), file->points[k]);
+  }
+  finish(image);
+  return image;
 }
 
 /// Lines of a scanner that turns about the vertical axis: beams come with falling elevation, a jump up starts a new
@@ -156,10 +184,7 @@ double smallest_elevation_step_rad(const TurningScan& scan) {
       if (step > rad_from_deg(0.05)) { steps.push_back(step); }
     }
   }
-  if (steps.empty()) { return rad_from_deg(1.0); }
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return median(std::move(steps), rad_from_deg(1.0));
 }
 
 Result<RangeImage> from_turning(const std::filesystem::path& path, const PointFile& file) {
