@@ -101,7 +101,7 @@ class PoseSearch {
 
 void PoseSearch::vote(const Mat3& axes_a, const Mat3& axes_b, double weight) {
   const Eigen::Quaterniond q(Mat3(axes_b * axes_a.transpose()));
-  if (q.angularDistance(region_.X_BA.q) > region_.angle_rad) { return; }
+  if (!region_.contains(q)) { return; }
   static const double kSame = std::cos(0.25 * kSameRotation_rad);
   for (Rotation& rotation : rotations_) {
     if (are_near(rotation.q, q, kSame)) {
@@ -227,8 +227,13 @@ void PoseSearch::find_translations(const Eigen::Quaterniond& q) {
 
 }  // namespace
 
+bool SearchRegion::contains(const Eigen::Quaterniond& q) const {
+  const double cosine = (q * Vec3::UnitZ()).dot(X_BA.q * Vec3::UnitZ());
+  return q.angularDistance(X_BA.q) <= angle_rad && std::acos(std::clamp(cosine, -1.0, 1.0)) <= tilt_rad;
+}
+
 bool SearchRegion::contains(const RigidTransform& X) const {
-  return X.q.angularDistance(X_BA.q) <= angle_rad && (X.p - X_BA.p).norm() <= distance_m;
+  return contains(X.q) && (X.p - X_BA.p).norm() <= distance_m;
 }
 
 std::vector<PoseHypothesis> propose_poses(std::span<const Patch> a, std::span<const Patch> b,

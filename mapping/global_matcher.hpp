@@ -20,7 +20,9 @@ struct SearchRegion {
   RigidTransform X_BA;
   double angle_rad = 4.0;
   double distance_m = 1e3;
+  double tilt_rad = 4.0;  ///< of A's z axis against where X_BA puts it: vehicles stand on their wheels
 
+  bool contains(const Eigen::Quaterniond& q) const;
   bool contains(const RigidTransform& X) const;
 };
 

@@ -68,6 +68,8 @@ using Edges = std::vector<std::pair<std::int32_t, std::int32_t>>;
 Edges find_edges(const SegmentFrame& frame, const Labels& labels);
 /// The same with pairs on both sides of a gap.
 Edges find_near_edges(const SegmentFrame& frame, const Labels& labels);
+/// ... and with pairs along a line or column that have nothing but nearer things, or nothing at all, between them.
+Edges find_mergeable_edges(const SegmentFrame& frame, const std::vector<Region>& regions, const Labels& labels);
 
 /// Merges regions side by side or on both sides of a gap that are one plane; those that were swallowed are not alive
 /// any more. Returns the pairs of regions that touch afterwards.

@@ -115,10 +115,9 @@ Alignment ViewAligner::refine(const AlignableView& a, const AlignableView& b, co
 }
 
 std::vector<RigidTransform> ViewAligner::propose(const AlignableView& a, const AlignableView& b,
-                                                 const std::optional<SearchRegion>& guess) {
-  std::vector<PoseHypothesis> proposals =
-      propose_poses(a.view.patches, b.view.patches, guess.value_or(SearchRegion{}), kProposals);
-  if (guess) { proposals.push_back({guess->X_BA, 0.0}); }
+                                                 const SearchRegion& region) {
+  std::vector<PoseHypothesis> proposals = propose_poses(a.view.patches, b.view.patches, region, kProposals);
+  proposals.push_back({region.X_BA, 0.0});
   std::vector<std::pair<double, std::size_t>> rated;
   rated.reserve(proposals.size());
   for (std::size_t k = 0; k < proposals.size(); ++k) { rated.emplace_back(-rate(a, b, proposals[k].X_BA, false), k); }

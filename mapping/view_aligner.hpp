@@ -1,7 +1,6 @@
 #pragma once
 // Where one view was taken, seen from another: with a guess or without any.
 
-#include <optional>
 #include <vector>
 
 #include "mapping/config.hpp"
@@ -61,9 +60,9 @@ class ViewAligner {
   ViewAligner(const MatcherConfig& config, const SystematicFloor& floor) : config_(config), floor_(floor) {}
 
   /// Poses X_BA worth a closer look, best first: proposed by the planes alone, rated by what each view sees of the
-  /// other's surfaces. Looks within `guess` and at its middle; without one everywhere.
+  /// other's surfaces. Looks within the region only.
   static std::vector<RigidTransform> propose(const AlignableView& a, const AlignableView& b,
-                                             const std::optional<SearchRegion>& guess);
+                                             const SearchRegion& region);
 
   /// Each start is tracked to convergence like a view in a map, rated again and registered. Accepted when the best
   /// rating is good and no different pose comes near it; a corridor is accepted with its null direction.

@@ -31,6 +31,7 @@ struct AlignOptions {
   fs::path folder;
   double search_m = 1.5;
   double search_deg = 25.0;
+  double tilt_deg = 30.0;
   bool no_guess = false;
   bool json = false;
 };
@@ -61,13 +62,12 @@ Result<Scan> load(const fs::path& path, const mapping::SegmenterConfig& config, 
   return Scan{mapping::AlignableView(*image, std::move(view)), segment_ms};
 }
 
-Report align_pair(const Scan& scan, const Scan& reference, const std::optional<mapping::SearchRegion>& guess,
+Report align_pair(const Scan& scan, const Scan& reference, const mapping::SearchRegion& region,
                   const mapping::ViewAligner& aligner) {
   Report report;
-  report.had_guess = guess.has_value();
   report.segment_ms = scan.segment_ms + reference.segment_ms;
   const double begin_ms = cpu_time_ms();
-  const std::vector<RigidTransform> starts = mapping::ViewAligner::propose(scan.view, reference.view, guess);
+  const std::vector<RigidTransform> starts = mapping::ViewAligner::propose(scan.view, reference.view, region);
   const double proposed_ms = cpu_time_ms();
   report.result = aligner.settle(scan.view, reference.view, starts);
   report.match_ms = proposed_ms - begin_ms;
@@ -149,11 +149,17 @@ Result<std::vector<Report>> align_folder(const AlignOptions& options) {
     auto scan = load(folder->scans[k].path, config.segmenter, calibration);
     if (!scan) { return tl::unexpected<Error>(scan.error()); }
     if (reference) {
-      std::optional<mapping::SearchRegion> guess;
-      if (const auto& X = folder->guess[k - 1]; X && !options.no_guess) {
-        guess = mapping::SearchRegion{*X, rad_from_deg(options.search_deg), options.search_m};
+      const auto& X = folder->guess[k - 1];
+      const bool has_guess = X && !options.no_guess;
+      mapping::SearchRegion region;
+      region.tilt_rad = rad_from_deg(options.tilt_deg);
+      if (has_guess) {
+        region.X_BA = *X;
+        region.angle_rad = rad_from_deg(options.search_deg);
+        region.distance_m = options.search_m;
       }
-      reports.push_back(align_pair(*scan, *reference, guess, aligner));
+      reports.push_back(align_pair(*scan, *reference, region, aligner));
+      reports.back().had_guess = has_guess;
       reports.back().scan = folder->scans[k].path.filename().string();
       reports.back().reference = folder->scans[k - 1].path.filename().string();
     }
@@ -192,6 +198,8 @@ void register_align(CLI::App& app, CommandState& state) {
   command->add_option("--search-m", options->search_m, "how far from the guess to look (1.5)")
       ->check(CLI::PositiveNumber);
   command->add_option("--search-deg", options->search_deg, "... and how much turned (25)")->check(CLI::PositiveNumber);
+  command->add_option("--tilt-deg", options->tilt_deg, "largest tilt of one scanner against the other (30; 180: any)")
+      ->check(CLI::Range(0.0, 180.0));
   command->add_flag("--json", options->json, "print one JSON object");
   command->callback([options, &state] { state.exit_code = run(*options); });
 }

@@ -51,9 +51,9 @@ AlignableView view_of(const Scene& scene, const RigidTransform& X_WV, std::uint6
   return {picture.image, std::move(view)};
 }
 
-AlignResult align(const AlignableView& a, const AlignableView& b, const std::optional<SearchRegion>& guess = {}) {
+AlignResult align(const AlignableView& a, const AlignableView& b, const SearchRegion& region = {}) {
   const ViewAligner aligner({}, systematic_floor({}));
-  return aligner.settle(a, b, ViewAligner::propose(a, b, guess));
+  return aligner.settle(a, b, ViewAligner::propose(a, b, region));
 }
 
 double distance_m(const RigidTransform& a, const RigidTransform& b) {
@@ -95,6 +95,19 @@ TEST(ViewAligner, RoomThatLooksAlikeFourWaysIsAmbiguous) {
                                    view_of(scene, standing_at(0.0, 0.0, height, 0.0), 6));
   EXPECT_EQ(result.outcome, AlignOutcome::Ambiguous);
   EXPECT_GE(result.hypotheses.size(), 2U);
+}
+
+TEST(ViewAligner, KnowingWhichWayIsUpTellsThemApart) {
+  const Scene scene = box_room(Vec3(-3.0, -1.5, -1.5), Vec3(4.0, 1.5, 1.5));
+  const double height = -Calibration{}.mount_position_m[2];
+  const RigidTransform truth = standing_at(0.4, 0.0, 0.0, 0.0);
+  SearchRegion upright;
+  upright.tilt_rad = rad_from_deg(30.0);
+  upright.distance_m = 1.0;
+  const AlignResult result = align(view_of(scene, standing_at(0.4, 0.0, height, 0.0), 5),
+                                   view_of(scene, standing_at(0.0, 0.0, height, 0.0), 6), upright);
+  ASSERT_EQ(result.outcome, AlignOutcome::Accepted);
+  EXPECT_LT(distance_m(result.hypotheses.front().X_BA, truth), 0.03);
 }
 
 TEST(ViewAligner, CorridorKeepsOneDirectionOpen) {
