@@ -15,9 +15,7 @@ constexpr double kCoarse_m = 0.12;
 constexpr double kCoarsePerMetre = 0.03;
 constexpr double kFine_m = 0.05;
 constexpr double kFinePerMetre = 0.01;
-constexpr double kGoodRating = 0.65;
-/// Three planes agree on some pose anywhere; the fourth tells whether it is the right one.
-constexpr std::size_t kFewestPairs = 4;
+constexpr double kGoodRating = 0.72;
 constexpr double kDifferent_rad = 0.09;
 constexpr double kDifferent_m = 0.3;
 // How far a proposal may be off, for tracking; and how little is known beforehand, for registration.
@@ -53,12 +51,21 @@ double rate(const AlignableView& a, const AlignableView& b, const RigidTransform
   return sum.rating();
 }
 
-/// Could a pose with this rating be the right one, when the best has another? What does not fit at the right pose is
+/// Three planes meet at some pose anywhere. Each further one would meet there by chance about once in four times when
+/// the search goes round a guess, in two when it goes everywhere: then there are many poses to try.
+double evidence(std::size_t pairs, const SearchRegion& region) {
+  constexpr double kLocal_m = 5.0;
+  constexpr double kMinimal = 3.0;
+  const double by_chance = region.distance_m <= kLocal_m ? 0.25 : 0.5;
+  return 1.0 - std::pow(by_chance, std::max(0.0, static_cast<double>(pairs) - kMinimal));
+}
+
+/// Could a pose with this agreement be the right one, when the best has another? What does not fit at the right pose is
 /// noise and change; at a wrong one there is more of it.
-bool is_rival(double rating, double best) {
+bool is_rival(double agreement, double best) {
   constexpr double kMore = 1.5;
   constexpr double kSlack = 0.05;
-  return 1.0 - rating < (kMore * (1.0 - best)) + kSlack;
+  return 1.0 - agreement < (kMore * (1.0 - best)) + kSlack;
 }
 
 /// Different poses, along the directions that the planes tell anything of.
@@ -131,24 +138,26 @@ std::vector<RigidTransform> ViewAligner::propose(const AlignableView& a, const A
 }
 
 AlignResult ViewAligner::settle(const AlignableView& a, const AlignableView& b,
-                                const std::vector<RigidTransform>& starts) const {
+                                const std::vector<RigidTransform>& starts, const SearchRegion& region) const {
   std::vector<Alignment> found;
   for (const RigidTransform& start : starts) {
     found.push_back(refine(a, b, start));
-    found.back().rating = rate(a, b, found.back().X_BA, true);
+    Alignment& alignment = found.back();
+    alignment.agreement = rate(a, b, alignment.X_BA, true);
+    alignment.rating = alignment.agreement * evidence(alignment.pairs.size(), region);
   }
   std::stable_sort(found.begin(), found.end(),
                    [](const Alignment& x, const Alignment& y) { return x.rating > y.rating; });
   AlignResult result;
   for (Alignment& alignment : found) {
-    if (!result.hypotheses.empty() && !is_rival(alignment.rating, result.hypotheses.front().rating)) { break; }
+    if (!result.hypotheses.empty() && !is_rival(alignment.agreement, result.hypotheses.front().agreement)) { continue; }
     const bool is_new = std::all_of(result.hypotheses.begin(), result.hypotheses.end(),
                                     [&](const Alignment& other) { return are_different(other, alignment); });
     if (is_new) { result.hypotheses.push_back(std::move(alignment)); }
   }
   if (result.hypotheses.empty()) { return result; }
   const Alignment& best = result.hypotheses.front();
-  if (best.rating >= kGoodRating && best.pairs.size() >= kFewestPairs) {
+  if (best.rating >= kGoodRating) {
     result.outcome = result.hypotheses.size() == 1 ? AlignOutcome::Accepted : AlignOutcome::Ambiguous;
   }
   return result;

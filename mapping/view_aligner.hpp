@@ -42,7 +42,8 @@ struct Alignment {
   Mat6 covariance_border = Mat6::Zero();  ///< of X_BA along the observable directions, zero along the others
   Mat6 null_directions = Mat6::Zero();    ///< row k: orthonormal, border order
   int null_count = 6;
-  double rating = 0.0;  ///< 0..1, see Agreement, both ways
+  double agreement = 0.0;  ///< 0..1, see Agreement, both ways
+  double rating = 0.0;     ///< agreement, less where few planes could have met at a wrong pose as well
   std::vector<PatchPair> pairs;
 };
 
@@ -64,9 +65,11 @@ class ViewAligner {
   static std::vector<RigidTransform> propose(const AlignableView& a, const AlignableView& b,
                                              const SearchRegion& region);
 
-  /// Each start is tracked to convergence like a view in a map, rated again and registered. Accepted when the best
-  /// rating is good and no different pose comes near it; a corridor is accepted with its null direction.
-  AlignResult settle(const AlignableView& a, const AlignableView& b, const std::vector<RigidTransform>& starts) const;
+  /// Each start, proposed within the region, is tracked to convergence like a view in a map, rated again and
+  /// registered. Accepted when the best rating is good and no different pose comes near it; a corridor is accepted with
+  /// its null direction.
+  AlignResult settle(const AlignableView& a, const AlignableView& b, const std::vector<RigidTransform>& starts,
+                     const SearchRegion& region) const;
 
  private:
   Alignment refine(const AlignableView& a, const AlignableView& b, const RigidTransform& start) const;

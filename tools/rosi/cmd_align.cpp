@@ -69,7 +69,7 @@ Report align_pair(const Scan& scan, const Scan& reference, const mapping::Search
   const double begin_ms = cpu_time_ms();
   const std::vector<RigidTransform> starts = mapping::ViewAligner::propose(scan.view, reference.view, region);
   const double proposed_ms = cpu_time_ms();
-  report.result = aligner.settle(scan.view, reference.view, starts);
+  report.result = aligner.settle(scan.view, reference.view, starts, region);
   report.match_ms = proposed_ms - begin_ms;
   report.register_ms = cpu_time_ms() - proposed_ms;
   return report;
@@ -95,6 +95,7 @@ nlohmann::json to_json(const mapping::Alignment& alignment) {
           {"rotation", {q.w(), q.x(), q.y(), q.z()}},
           {"covariance", rows_of(alignment.covariance_border, 6)},
           {"null_directions", rows_of(alignment.null_directions, alignment.null_count)},
+          {"agreement", alignment.agreement},
           {"rating", alignment.rating},
           {"patch_pairs", std::move(pairs)}};
 }

@@ -53,7 +53,7 @@ AlignableView view_of(const Scene& scene, const RigidTransform& X_WV, std::uint6
 
 AlignResult align(const AlignableView& a, const AlignableView& b, const SearchRegion& region = {}) {
   const ViewAligner aligner({}, systematic_floor({}));
-  return aligner.settle(a, b, ViewAligner::propose(a, b, region));
+  return aligner.settle(a, b, ViewAligner::propose(a, b, region), region);
 }
 
 double distance_m(const RigidTransform& a, const RigidTransform& b) {
@@ -71,7 +71,7 @@ TEST(ViewAligner, FindsThePoseWithoutAGuess) {
     EXPECT_EQ(best.null_count, 0);
     EXPECT_LT(distance_m(best.X_BA, truth), 0.03);
     EXPECT_LT(best.X_BA.q.angularDistance(truth.q), rad_from_deg(0.5));
-    EXPECT_GT(best.rating, 0.8);
+    EXPECT_GT(best.agreement, 0.9);
     // Not surer than right.
     const Vec6 error = local_difference(best.X_BA, truth);
     EXPECT_LT(error.dot(best.covariance_border.ldlt().solve(error)), 30.0);

@@ -99,7 +99,7 @@ TEST(RealScans, FindEachOtherWithoutAGuess) {
     const mapping::AlignableView a = load(pair.scan);
     const mapping::AlignableView b = load(pair.reference);
     const mapping::ViewAligner aligner({}, mapping::systematic_floor({}));
-    const mapping::AlignResult result = aligner.settle(a, b, mapping::ViewAligner::propose(a, b, {}));
+    const mapping::AlignResult result = aligner.settle(a, b, mapping::ViewAligner::propose(a, b, {}), {});
     ASSERT_EQ(result.outcome, mapping::AlignOutcome::Accepted) << pair.scan;
     const RigidTransform& X = result.hypotheses.front().X_BA;
     EXPECT_LT((X.p - pair.t_m).norm(), pair.tolerance_m) << pair.scan;
